@@ -119,8 +119,8 @@ impl StraightRays {
         self.chief_mm(object_mm) + self.alpha * aperture_mm
     }
 
-    /// Where the ray through the middle of the aperture meets the array. This is linear in the place, so it maps steps as
-    /// well.
+    /// Where the ray through the middle of the aperture meets the array. This is linear in the place, so it also maps
+    /// steps.
     #[inline(always)]
     pub fn chief_mm(&self, object_mm: DVec2) -> DVec2 {
         -self.beta * sensor_axes(object_mm)
@@ -249,7 +249,7 @@ impl Optics {
         g * offset
     }
 
-    /// Slope behind the lens of the ray that passes `aperture_mm` and meets the array at `array_mm`, without distortion.
+    /// Slope, without distortion, of the ray that passes `aperture_mm` and meets the array at `array_mm`.
     #[inline(always)]
     pub fn slope_from_array(&self, array_mm: DVec2, aperture_mm: DVec2) -> DVec2 {
         let lens_mm = self.lens_mm(array_mm, aperture_mm);
@@ -338,8 +338,7 @@ impl Optics {
         self.pixel_pitch_mm * self.middle_px() + self.demagnification * self.half_aperture_mm
     }
 
-    /// The centres, mm, of the lenslets that lie within `reach_mm` of a point of the array and that the sensor sees, and a
-    /// few more.
+    /// The centres, mm, of the lenslets within `reach_mm` of a point of the array that the sensor sees, and a few more.
     pub(crate) fn lenslets_seen(&self, point_mm: DVec2, reach_mm: DVec2) -> impl Iterator<Item = DVec2> + '_ {
         // A gap that grows across the sensor makes the images of the stop up to twice as wide.
         let seen = self.seen_mm() + self.demagnification * self.half_aperture_mm + self.lattice.period_y_mm();

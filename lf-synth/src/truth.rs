@@ -9,8 +9,8 @@ pub fn volume(grid: &Grid, particles: &[Particle], sigma_vox: f64) -> (Vec<u64>,
     draw(grid, [sigma_vox; 3], particles.len(), |n| (particles[n].place_mm.into(), particles[n].intensity))
 }
 
-/// Most bytes that [`volume`] takes for this number of particles: the lit voxels, the particles of each slice, and a
-/// batch of slices.
+/// Largest number of bytes that [`volume`] takes for this number of particles: the lit voxels, the particles of each
+/// slice, and a batch of slices.
 pub fn bytes(grid: &Grid, particles: f64, sigma_vox: f64) -> f64 {
     let side = 2.0 * REACH_SIGMA * sigma_vox + 1.0;
     let lit = |axis: usize| side.min(grid.shape[axis] as f64);

@@ -2,20 +2,7 @@
 
 use super::model::Camera;
 use crate::lattice::Layout;
-use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
-
-/// Blur on the sensor. It acts on the light before the pixels count it.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Blur {
-    /// Standard deviation of a Gaussian, px: aberrations of the lenslets, their focus, crosstalk of the pixels.
-    #[serde(default)]
-    pub sigma_px: f64,
-    /// Wavelength of the light, nm, which diffracts at the rim of each lenslet; absent, nothing diffracts.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub wavelength_nm: Option<f64>,
-}
 
 /// Diffraction pattern of a lenslet on the sensor, which sees the far field of the lenslet's cell.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -32,9 +19,10 @@ pub enum Diffraction {
     },
 }
 
-/// Standard deviation of the Gaussian that fits the middle of a pattern, in its unit.
-const CORE_OF_SQUARE: f64 = 0.38;
-const CORE_OF_DISC: f64 = 0.42;
+/// Standard deviation of the Gaussian that stands for the middle of a pattern, in its unit. With wider ones lf-fit
+/// finds particles too small on frames of lf-synth; narrower ones change little.
+const CORE_OF_SQUARE: f64 = 0.28;
+const CORE_OF_DISC: f64 = 0.31;
 
 impl Diffraction {
     /// Standard deviation of the Gaussian that fits the middle of the pattern, px.

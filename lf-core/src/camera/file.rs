@@ -1,7 +1,6 @@
 //! `camera.json` from and to text, and which of its values are refused.
 
-use super::blur::Blur;
-use super::model::{Camera, Distortion, Medium, Tilt};
+use super::model::{Blur, Camera, Distortion, Medium, Tilt};
 use crate::{Error, Refusal, io, json};
 use std::path::{Path, PathBuf};
 

@@ -53,9 +53,9 @@ mod plausible;
 mod pose;
 
 pub use crate::lattice::{Layout, Microlenses};
-pub use blur::{Blur, Diffraction};
+pub use blur::Diffraction;
 pub use derived::ALIGNED_PX;
-pub use model::{Aperture, Camera, Distortion, MainLens, Medium, Sensor, Tilt};
+pub use model::{Aperture, Blur, Camera, Distortion, MainLens, Medium, Sensor, Tilt};
 pub use pose::Pose;
 
 #[cfg(test)]

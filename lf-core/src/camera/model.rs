@@ -1,6 +1,5 @@
 //! The keys of `camera.json`.
 
-use super::blur::Blur;
 use super::pose::Pose;
 use crate::frame::Frame;
 use crate::lattice::{Centres, Microlenses};
@@ -129,6 +128,18 @@ pub struct Medium {
     /// Index of refraction of the window, relative to air; 1 if absent.
     #[serde(default = "one")]
     pub window_index: f64,
+}
+
+/// Blur on the sensor. It acts on the light before the pixels count it.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Blur {
+    /// Standard deviation of a Gaussian, px: aberrations of the lenslets, their focus, crosstalk of the pixels.
+    #[serde(default)]
+    pub sigma_px: f64,
+    /// Wavelength of the light, nm, which diffracts at the rim of each lenslet; absent, nothing diffracts.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub wavelength_nm: Option<f64>,
 }
 
 fn one() -> f64 {

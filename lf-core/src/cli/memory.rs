@@ -4,6 +4,7 @@
 //! `--estimate` prints the sum of both, `--stats` records it as `estimated_bytes`, and a sum above the limit is refused
 //! before the work begins.
 
+use super::kernel_tables::{peak_bytes, status_bytes, table_bytes};
 use super::session::Session;
 use crate::{Error, Result, io};
 use serde_json::json;
@@ -138,23 +139,6 @@ fn group_bytes(own: &str, read: impl Fn(&str) -> Option<String>) -> Option<u64> 
         files.filter_map(limit).min()
     });
     limits.min()
-}
-
-/// Peak resident memory of this process, bytes; None if the system does not report it.
-pub(super) fn peak_bytes() -> Option<u64> {
-    status_bytes("VmHWM:")
-}
-
-/// A value of `/proc/self/status`, bytes.
-fn status_bytes(key: &str) -> Option<u64> {
-    table_bytes("/proc/self/status", key)
-}
-
-/// A value of a file of `/proc` that lists kB, in bytes.
-fn table_bytes(file: &str, key: &str) -> Option<u64> {
-    let table = std::fs::read_to_string(file).ok()?;
-    let line = table.lines().find_map(|line| line.strip_prefix(key))?;
-    Some(line.trim().strip_suffix("kB")?.trim().parse::<u64>().ok()? * 1024)
 }
 
 #[cfg(test)]

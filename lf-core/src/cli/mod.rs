@@ -11,6 +11,7 @@ mod complaint;
 mod frame_warnings;
 mod generate;
 mod help_all;
+mod kernel_tables;
 mod lengths;
 mod memory;
 mod progress;

@@ -1,7 +1,7 @@
 //! The options of every tool, and the handle that a tool's body gets: messages, progress, history, phases.
 
 use super::complaint::one_line;
-use super::memory::peak_bytes;
+use super::kernel_tables::peak_bytes;
 use super::progress::{Progress, Screen};
 use crate::history::{History, Step};
 use crate::{Error, Result, io};

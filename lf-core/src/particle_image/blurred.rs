@@ -22,95 +22,17 @@ use super::axis::Axis;
 use super::cell_surface::{Tables, nearest};
 use super::lenslet_image::{LIGHT, LensletImage, Listed, PLACES, Patch, QUANTITIES, Scratch};
 use super::lenslet_lines::LensletLine;
-use super::normal::{density, distribution};
+use super::mean::Mean;
 use super::place::Place;
-use crate::{Camera, halo::Halo};
+use super::sensor_blur::{Bell, PIXEL_VARIANCE, REACH, SensorBlur, Widened};
 use glam::DVec2;
 
-/// Blur of a camera, as the images of particles see it.
-#[derive(Debug, Clone)]
-pub(super) struct SensorBlur {
-    /// Standard deviation of its Gaussian, px.
-    pub(super) sigma_px: f64,
-    /// Share of the light that the Gaussian stands for; the rest is in the camera's [`crate::halo::Halo`].
-    share: f64,
-    bell: Bell,
-}
-
-/// Mean of the cell's share over a pixel and the blur, with its derivatives by the place on the array and by the size
-/// of the spot.
-#[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Mean {
-    pub(super) level: f64,
-    pub(super) slope: [f64; 2],
-    /// Second derivatives: xx, xy, yy.
-    pub(super) curve: [f64; 3],
-    pub(super) by_size: f64,
-    /// Derivatives of slope and curvature by the size of the spot; 0 where they are not asked for.
-    pub(super) slope_by_size: [f64; 2],
-    pub(super) curve_by_size: [f64; 3],
-}
-
-/// How the blur widens a particle's spot on the array.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Widened {
-    /// Standard deviation of spot and blur together, mm.
-    pub(super) sigma_mm: f64,
-    /// Its derivatives by the spot's own size, by alpha, mm, and by the blur, mm/px.
-    by_spot: f64,
-    by_alpha: f64,
-    by_blur: f64,
-    /// Whether the pixel is so small on the array that it counts as a part of the Gaussian.
-    pub(super) has_pixel: bool,
-}
-
-/// Light farther from the sharp image than this many standard deviations of the blur is left out: 0.1 % on a side.
-const REACH: f64 = 3.0;
-/// Variance of a pixel, px^2.
-const PIXEL_VARIANCE: f64 = 1.0 / 12.0;
-/// A pixel below this width on the array, in standard deviations of the spot, counts as a part of the Gaussian.
-const SMALL: f64 = 0.5;
 /// A pixel with a smaller mean of the cell is dark.
 const DARK: f64 = 1e-6;
 /// The middle of the bump stays within this many standard deviations of the kernel.
 const MOST_SHIFT: f64 = 3.0;
 /// The variance of the bump is no less than this share of the kernel's.
 const LEAST_VARIANCE: f64 = 0.05;
-
-impl SensorBlur {
-    /// None for a sharp camera.
-    pub(super) fn new(camera: &Camera) -> Option<Self> {
-        let sigma_px = camera.blur_core_px();
-        let share = Halo::new(camera).map_or(1.0, |halo| halo.middle_share());
-        (sigma_px > 0.0).then(|| Self { sigma_px, share, bell: Bell::new() })
-    }
-
-    /// Pixels beyond a sharp image that light reaches.
-    pub(super) fn reach_px(&self) -> f64 {
-        REACH * self.sigma_px
-    }
-
-    /// The spot of a particle on the array, widened by the blur. `px_by_stop` is how many pixels a millimetre of the
-    /// stop covers.
-    pub(super) fn widened(&self, spot_mm: f64, alpha: f64, px_by_stop: f64, is_bent: bool) -> Widened {
-        let pixel_mm = 1.0 / px_by_stop.abs();
-        let along = (alpha * pixel_mm).abs();
-        let mut variance_px = self.sigma_px * self.sigma_px;
-        // Bent rays are followed through the middle of each pixel.
-        let has_pixel = is_bent || along < SMALL * spot_mm.hypot(along * self.sigma_px);
-        if has_pixel {
-            variance_px += PIXEL_VARIANCE;
-        }
-        let sigma_mm = (spot_mm * spot_mm + along * along * variance_px).sqrt();
-        Widened {
-            sigma_mm,
-            by_spot: spot_mm / sigma_mm,
-            by_alpha: alpha * pixel_mm * pixel_mm * variance_px / sigma_mm,
-            by_blur: along * along * self.sigma_px / sigma_mm,
-            has_pixel,
-        }
-    }
-}
 
 /// The share of a bump inside the stop, and its derivatives by the bump's middle and variances.
 struct Inside {
@@ -299,55 +221,5 @@ impl Pixel {
             by_middle: DVec2::new(x.1 * y.0, x.0 * y.1),
             by_variance: DVec2::new(x.2 * y.0, x.0 * y.2),
         })
-    }
-}
-
-/// The normal distribution as a table.
-#[derive(Debug, Clone)]
-struct Bell(Vec<[f64; 2]>);
-
-/// Range and nodes of the table.
-const BELL_REACH: f64 = 5.0;
-const BELL_STEPS: f64 = 32.0;
-
-impl Bell {
-    fn new() -> Self {
-        let count = (2.0 * BELL_REACH * BELL_STEPS) as usize;
-        let at = |n: usize| n as f64 / BELL_STEPS - BELL_REACH;
-        Self((0..=count + 1).map(|n| [distribution(at(n)), density(at(n)) / BELL_STEPS]).collect())
-    }
-
-    /// Distribution and density; None far below 0. By cubics, to 1e-8.
-    #[inline(always)]
-    fn at(&self, z: f64) -> Option<(f64, f64)> {
-        if z >= BELL_REACH {
-            return Some((1.0, 0.0));
-        }
-        let place = (z + BELL_REACH) * BELL_STEPS;
-        if place <= 0.0 {
-            return None;
-        }
-        let n = place as usize;
-        let t = place - n as f64;
-        let ([a, da], [b, db]) = (self.0[n], self.0[n + 1]);
-        let (c, d) = (3.0 * (b - a) - 2.0 * da - db, 2.0 * (a - b) + da + db);
-        Some((a + t * (da + t * (c + t * d)), BELL_STEPS * (da + t * (2.0 * c + 3.0 * t * d))))
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_table_is_the_normal_distribution() {
-        let bell = Bell::new();
-        for n in 0..998 {
-            let z = -4.99 + 0.01 * f64::from(n);
-            let (share, slope) = bell.at(z).unwrap_or_default();
-            assert!((share - distribution(z)).abs() < 1e-7 && (slope - density(z)).abs() < 3e-5, "{z}");
-        }
-        assert!(bell.at(-5.1).is_none());
-        assert_eq!(bell.at(7.0), Some((1.0, 0.0)));
     }
 }

@@ -2,12 +2,11 @@
 
 use super::axis::Axis;
 use super::beam::Beam;
-use super::blurred::Mean;
 use super::cell_surface::{REACH_SIGMA, Tables};
 use super::cross::{Cross, LineJet, Read};
 use super::factor::Factor;
 use super::lenslet_lines::LensletLine;
-use super::means;
+use super::mean::Mean;
 use super::place::{Place, width};
 use super::rim::{self, Side, Strip, Way};
 use super::share::Shared;
@@ -81,12 +80,12 @@ impl Listed for Spline {
 
     #[inline(always)]
     fn means<const N: usize>(tables: &Tables<Self>, more_mm: f64, has_pixel: bool, scratch: &mut Scratch) {
-        means::by_surface::<N>(tables, more_mm, has_pixel, scratch);
+        tables.fill_means::<N>(more_mm, has_pixel, scratch);
     }
 
     #[inline(always)]
     fn means_at<const N: usize>(share: &Self, more_mm: f64, scratch: &mut Scratch) {
-        means::by_surface_at::<N>(share, more_mm, scratch);
+        share.fill_means_at::<N>(more_mm, scratch);
     }
 
     #[inline(always)]
@@ -114,12 +113,12 @@ impl Listed for Cross {
 
     #[inline(always)]
     fn means<const N: usize>(tables: &Tables<Self>, more_mm: f64, has_pixel: bool, scratch: &mut Scratch) {
-        means::by_lines::<N>(tables, more_mm, has_pixel, scratch);
+        tables.fill_means(more_mm, has_pixel, scratch);
     }
 
     #[inline(always)]
     fn means_at<const N: usize>(share: &Self, more_mm: f64, scratch: &mut Scratch) {
-        means::by_lines_at::<N>(share, more_mm, scratch);
+        share.fill_means_at(more_mm, scratch);
     }
 
     #[inline(always)]
@@ -374,8 +373,8 @@ impl<T: Listed> LensletImage<'_, T> {
         *T::lists(scratch) = taps;
     }
 
-    /// Adds up a pixel that the rim of a round stop crosses, strip by strip in both ways. `each(light, strip, way)` adds
-    /// a strip's part to the light and returns the strip's whole light.
+    /// Adds up a pixel that the rim of a round stop crosses, strip by strip in both ways. `each(light, strip, way)`
+    /// adds a strip's part to the light, and returns the whole light of the strip.
     #[inline(always)]
     fn add_strips(
         &self,

@@ -17,8 +17,8 @@
 //! with it all derivatives. Near focus alpha tends to 0; there the mean of H over the pixel is taken at four points.
 //! Both forms agree where one takes over from the other, so the light has no step.
 //!
-//! For a rectangular cell along the axes, H and G are products of a function of x and one of y. So is the light of a pixel
-//! (`rectangle.rs`).
+//! For a rectangular cell along the axes, H and G are products of a function of x and one of y, and so is the light of
+//! a pixel (`rectangle.rs`).
 //!
 //! The rim of a round stop leaves a part of a pixel's rectangle: strips across the rim, each a rectangle again, in both
 //! forms. Where a lenslet sees only a part of a pixel, pixels at the rim are cut into finer ones.
@@ -37,12 +37,14 @@ mod cross;
 mod factor;
 mod lenslet_image;
 mod lenslet_lines;
+mod mean;
 mod means;
 mod model;
 mod normal;
 mod place;
 mod rectangle;
 mod rim;
+mod sensor_blur;
 mod share;
 mod spline;
 mod table;

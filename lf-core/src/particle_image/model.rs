@@ -1,10 +1,10 @@
 //! The image of a particle, lenslet by lenslet.
 
 use super::beam::{Beam, Tracer};
-use super::blurred::SensorBlur;
 use super::cell_surface::{REACH_SIGMA, Surfaces, Tables, nearest};
 use super::lenslet_image::{LIGHT, LensletImage, Listed, PLACES, Patch, QUANTITIES, Scratch};
 use super::lenslet_lines::LensletLines;
+use super::sensor_blur::SensorBlur;
 use super::view::View;
 use crate::{Camera, Optics, Refusal, camera::Aperture, weights::check_depth_mm};
 use glam::DVec2;
@@ -127,8 +127,8 @@ impl ParticleModel {
         self.visit_all::<QUANTITIES>(place_mm, scratch, found);
     }
 
-    /// Like [`Self::visit`], but with the first [`PLACES`] quantities only, in less time. The derivative by z leaves out
-    /// that the spot grows towards the camera, a ten-thousandth of it.
+    /// Like [`Self::visit`], but with the first [`PLACES`] quantities only, in less time. The derivative by z leaves
+    /// out that the spot grows towards the camera, a ten-thousandth of it.
     #[inline(always)]
     pub fn visit_places(
         &self,

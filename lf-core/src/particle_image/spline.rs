@@ -1,6 +1,5 @@
 //! A function of the plane and of a size, as a cubic B-spline: smooth, with exact derivatives of what it gives.
 
-use super::lenslet_image::PLACES;
 use super::table::Table;
 
 /// The function on a square lattice of nodes, linear in the size.
@@ -90,7 +89,7 @@ impl Spline {
     pub(super) fn jet<const N: usize>(&self, x: &Stencil, y: &Stencil, more: f64) -> Jet {
         let mut rows = [[0.0; 4]; 3];
         let mut sizes = [[0.0; 4]; 3];
-        let orders = if N > PLACES { 3 } else { 1 };
+        let orders = if N > 4 { 3 } else { 1 };
         for n in 0..4 {
             let start = (y.first + n) * self.nodes[0] + x.first;
             let (values, by_size) = (&self.values[start..start + 4], &self.by_size[start..start + 4]);
@@ -116,7 +115,7 @@ impl Spline {
             ]
         };
         let [x, y, xx, xy, yy] = of(&rows);
-        let [x_by, y_by, xx_by, xy_by, yy_by] = if N > PLACES { of(&sizes) } else { [0.0; 5] };
+        let [x_by, y_by, xx_by, xy_by, yy_by] = if N > 4 { of(&sizes) } else { [0.0; 5] };
         [dot(&rows[0], level), x, y, xx, xy, yy, dot(&sizes[0], level), x_by, y_by, xx_by, xy_by, yy_by]
     }
 }

@@ -1,6 +1,6 @@
 //! A camera as the images of particles see it.
 
-use super::blurred::SensorBlur;
+use super::sensor_blur::SensorBlur;
 use crate::Optics;
 use glam::DVec2;
 

@@ -115,9 +115,10 @@ const TOGETHER: Schedule = Schedule {
 
 /// Name of the step that fits the shape.
 const SHAPE_STEP: &str = "size and drift";
-/// Rounds of expectation maximisation in a pass, and the light of the faintest particle that is kept, in medians.
+/// Rounds of expectation maximisation in a pass, and the light of the faintest particle that is kept, as a share of the
+/// light above which half of all light is.
 const LIGHT_ROUNDS: usize = 15;
-const FAINTEST: f64 = 0.02;
+const FAINTEST: f64 = 0.1;
 /// Steps of a fit of all particles: of the first ones, of one in a round, and of the last one.
 const FIRST_STEPS: usize = 3;
 const ROUND_STEPS: usize = 6;
@@ -290,7 +291,7 @@ impl<'a, 'o> Stages<'a, 'o> {
         for _ in 0..self.schedule.light_passes {
             particles.share_light(LIGHT_ROUNDS);
         }
-        let least = FAINTEST * particles.usual_light();
+        let least = FAINTEST * particles.weighty_light();
         let (kept, faint) = particles.list.iter().partition(|particle| particle.light > least);
         self.candidates = faint;
         particles.set(kept);

@@ -24,6 +24,7 @@ mod patches;
 mod slices;
 mod stop;
 mod walk;
+mod wanted;
 mod wide;
 
 pub(crate) use array::LensletArray;

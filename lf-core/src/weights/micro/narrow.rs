@@ -6,7 +6,7 @@ use super::hits::Hits;
 use super::patches::{ACROSS, Patches};
 use super::slices::SliceLight;
 use super::stop::Stop;
-use super::walk::Wanted;
+use super::wanted::Wanted;
 
 /// Rounds down, for values within 2^21.
 #[inline(always)]

@@ -2,7 +2,8 @@
 
 use super::hits::{Hit, Hits};
 use super::narrow::Narrow;
-use super::walk::{SliceBeam, Wanted};
+use super::walk::SliceBeam;
+use super::wanted::Wanted;
 use super::{Micro, images};
 use crate::camera::{Aperture, Camera, Distortion, Medium, Tilt, tests::seed};
 use crate::lattice::{Centres, Layout};

@@ -3,24 +3,13 @@
 use super::array::{LANES, LensletArray};
 use super::bend::Node;
 use super::hits::Hits;
-use super::images::MicroLayout;
 use super::narrow::{Narrow, floor};
 use super::slices::{Light, SliceLight};
 use super::stop::Stop;
+use super::wanted::Wanted;
 use super::wide::{LensletView, WideRow};
 use crate::simd::Level;
 use crate::weights::model::RowSet;
-use std::ops::Range;
-
-/// The rows that a walk covers.
-pub(super) struct Wanted<'a> {
-    pub(super) rows: RowSet,
-    /// Rows of lenslets.
-    pub(super) lenslets: Range<usize>,
-    pub(super) layout: MicroLayout,
-    /// Each micro-image's first row on the sensor, modulo the set's step.
-    pub(super) remainders: &'a [i32],
-}
 
 /// Voxels of one line, near to each other: where their chief rays meet the array, mm.
 #[derive(Debug, Default)]

@@ -79,6 +79,14 @@ impl Shape {
         (0..SHAPES).any(|k| (own[k] - other[k]).abs() > std[k])
     }
 
+    /// Which unknowns a step takes out of their ranges.
+    pub(crate) fn beyond_range(&self, step: [f64; SHAPES]) -> [bool; SHAPES] {
+        let is_beyond =
+            |value: f64, step: f64, [low, high]: [f64; 2]| step != 0.0 && !(low..=high).contains(&(value + step));
+        let blur = self.blur_px.is_some_and(|px| is_beyond(px, step[3], BLURS_PX));
+        [is_beyond(self.sigma_px, step[0], SIZES_PX), false, false, blur]
+    }
+
     /// The shape after a step.
     pub(crate) fn moved(&self, step: [f64; SHAPES]) -> Self {
         let [size, x, y, blur] = step;
@@ -87,7 +95,7 @@ impl Shape {
         Self { sigma_px, drift_px: [self.drift_px[0] + x, self.drift_px[1] + y], blur_px }
     }
 
-    /// What a step of one pixel is in the units of the model's derivatives: mm, and for the blur pixels of its middle.
+    /// A step of one pixel in the units of the model's derivatives: mm, and for the blur pixels of its middle.
     pub(crate) fn scales(&self, camera: &Camera) -> [f64; SHAPES] {
         let pitch_mm = camera.sensor.pixel_pitch_mm;
         let core_px = self.camera(camera).blur_core_px();

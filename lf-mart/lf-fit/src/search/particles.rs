@@ -107,6 +107,19 @@ impl<'a> Particles<'a> {
         upper_median(&mut lights).unwrap_or(0.0)
     }
 
+    /// The light of the particle that half of all light is brighter than. Many faint particles do not move it.
+    pub(crate) fn weighty_light(&self) -> f64 {
+        let mut lights: Vec<f64> = self.list.iter().map(|particle| particle.light).collect();
+        lights.sort_by(|a, b| b.total_cmp(a));
+        let half = 0.5 * lights.iter().sum::<f64>();
+        let mut sum = 0.0;
+        let reached = lights.iter().find(|light| {
+            sum += **light;
+            sum >= half
+        });
+        reached.copied().unwrap_or(0.0)
+    }
+
     /// Renders all particles anew.
     pub(crate) fn render(&mut self) {
         self.cameras.views.iter_mut().for_each(CameraView::darken);

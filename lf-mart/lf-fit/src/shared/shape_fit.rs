@@ -1,5 +1,5 @@
-//! Fits the unknowns that all particles share: their size, the drift of the lattice, the blur. The particles that a part of
-//! one camera's sensor sees are fitted along with them.
+//! Fits the unknowns that all particles share: their size, the drift of the lattice, the blur. The particles that a
+//! part of one camera's sensor sees are fitted along with them.
 
 use crate::cameras::shape::{Free, SHAPES, Shape};
 use crate::cameras::view::Cameras;
@@ -220,27 +220,10 @@ impl<'a> Sample<'a> {
         let dot = |a: &[[f64; UNKNOWNS]], b: &[[f64; UNKNOWNS]]| -> f64 {
             a.iter().flatten().zip(b.iter().flatten()).map(|(a, b)| a * b).sum()
         };
-        let is_free = self.free.shapes(self.cameras.first().camera);
-        let mut system = [0f64; SHAPES * SHAPES];
-        let mut step = [0f64; SHAPES];
-        for a in 0..SHAPES {
-            step[a] = if is_free[a] { gradient[a] - dot(&mixed[a], &own) } else { 0.0 };
-            for b in 0..SHAPES {
-                system[a * SHAPES + b] = match (is_free[a] && is_free[b], a == b) {
-                    (true, _) => matrix[a][b] - dot(&mixed[a], &solved[b]),
-                    (false, true) => 1.0,
-                    (false, false) => 0.0,
-                };
-            }
-        }
-        cholesky(&mut system, SHAPES);
-        solve(&system, &mut step);
-        // Move the particles along with the step that is taken.
-        step.iter_mut().for_each(|step| *step = step.clamp(-STEP_PX, STEP_PX));
-        let std = std::array::from_fn(|a| {
-            let variance = inverse_column(&system, SHAPES, a)[a];
-            if is_free[a] { variance.sqrt() } else { 0.0 }
-        });
+        let right = std::array::from_fn(|a| gradient[a] - dot(&mixed[a], &own));
+        let reduced = std::array::from_fn(|a| std::array::from_fn(|b| matrix[a][b] - dot(&mixed[a], &solved[b])));
+        let view = self.cameras.first();
+        let (step, std) = shape_step(&view.shape, self.free.shapes(view.camera), &right, &reduced);
         let moves = (0..own.len())
             .map(|n| std::array::from_fn(|k| own[n][k] - (0..SHAPES).map(|a| solved[a][n][k] * step[a]).sum::<f64>()))
             .collect();
@@ -258,6 +241,43 @@ impl<'a> Sample<'a> {
             sum
         };
         state.images.iter().map(one).collect()
+    }
+}
+
+/// The step of the free unknowns of a shape and their standard uncertainties, by equations from which the particles are
+/// eliminated. An unknown that would leave its range is held for this step.
+fn shape_step(
+    shape: &Shape,
+    mut is_free: [bool; SHAPES],
+    right: &[f64; SHAPES],
+    reduced: &[[f64; SHAPES]; SHAPES],
+) -> ([f64; SHAPES], [f64; SHAPES]) {
+    loop {
+        let mut system = [0f64; SHAPES * SHAPES];
+        let mut step = [0f64; SHAPES];
+        for a in 0..SHAPES {
+            step[a] = if is_free[a] { right[a] } else { 0.0 };
+            for b in 0..SHAPES {
+                system[a * SHAPES + b] = match (is_free[a] && is_free[b], a == b) {
+                    (true, _) => reduced[a][b],
+                    (false, true) => 1.0,
+                    (false, false) => 0.0,
+                };
+            }
+        }
+        cholesky(&mut system, SHAPES);
+        solve(&system, &mut step);
+        // Move the particles along with the step that is taken.
+        step.iter_mut().for_each(|step| *step = step.clamp(-STEP_PX, STEP_PX));
+        let beyond = shape.beyond_range(step);
+        if !beyond.contains(&true) {
+            let std = std::array::from_fn(|a| {
+                let variance = inverse_column(&system, SHAPES, a)[a];
+                if is_free[a] { variance.sqrt() } else { 0.0 }
+            });
+            return (step, std);
+        }
+        (0..SHAPES).for_each(|k| is_free[k] &= !beyond[k]);
     }
 }
 
