@@ -315,11 +315,12 @@ fn phases_lines_and_modes_of_a_swinging_wave() {
     is_near("/modes/share/0", 1.0, 1e-6);
     is_near("/modes/rms_mm/0", rms, 1e-6);
     is_near("/lines/correlation/0/4", -1.0, 1e-6);
-    // Two waves in 1.6 mm. A quarter of the wavelength of 0.8 mm times 2 / pi, by trapezoids.
+    // Two waves in 1.6 mm. A quarter of the wavelength of 0.8 mm times 2 / pi; trapezoids of an eighth of a wave in a
+    // short line fall short of it by a tenth.
     is_near("/lines/wavenumber_1_mm/1", 1.25, 1e-9);
     let spectrum: Vec<f64> = serde_json::from_value(score["lines"]["spectrum_mm3"][0].clone()).unwrap();
     assert!((0..8).all(|n| spectrum[n] <= spectrum[1]), "{spectrum:?}");
-    is_near("/lines/length_mm/0", 0.8 / std::f64::consts::TAU, 0.01);
+    is_near("/lines/length_mm/0", 0.8 / std::f64::consts::TAU, 0.02);
     let phase = Field::open(&folder.path().join("parts/phase-01.exr")).unwrap();
     assert!((phase.u[0] - 0.52).abs() < 1e-6 && phase.v[0] == 0.0, "{}", phase.u[0]);
     let mode = Field::open(&folder.path().join("parts/mode-00.exr")).unwrap();
