@@ -17,18 +17,10 @@ pub(super) struct Axis {
 }
 
 impl Axis {
-    /// First and end pixel that can be lit, for light within `reach` of the lenslet's centre.
+    /// First and end pixel that can be lit, for light within `reach` of the lenslet's centre, and `beside_px` pixels on
+    /// either side.
     #[inline(always)]
-    pub(super) fn lit(&self, alpha: f64, half: f64, reach: f64) -> Option<(i64, i64)> {
-        let [low, high] = self.lit_px(alpha, half, reach)?;
-        let first = low.floor().max(0.0) as i64;
-        let end = high.ceil().clamp(0.0, self.pixels as f64) as i64;
-        (first < end).then_some((first, end))
-    }
-
-    /// Where the same light begins and ends, px.
-    #[inline(always)]
-    pub(super) fn lit_px(&self, alpha: f64, half: f64, reach: f64) -> Option<[f64; 2]> {
+    pub(super) fn lit(&self, alpha: f64, half: f64, reach: f64, beside_px: f64) -> Option<(i64, i64)> {
         let (low, high) = if alpha.abs() * half < 1e-9 * reach {
             if self.chief.abs() > reach { (1.0, 0.0) } else { (-half, half) }
         } else {
@@ -39,7 +31,9 @@ impl Axis {
             return None;
         }
         let (a, b) = (self.zero - self.slope * low, self.zero - self.slope * high);
-        Some([a.min(b), a.max(b)])
+        let first = (a.min(b) - beside_px).floor().max(0.0) as i64;
+        let end = (a.max(b) + beside_px).ceil().clamp(0.0, self.pixels as f64) as i64;
+        (first < end).then_some((first, end))
     }
 
     /// The place of pixel edge `edge`. A square stop ends at `half`.

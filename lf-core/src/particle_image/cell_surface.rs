@@ -3,6 +3,7 @@
 use super::cross::{Cross, Line};
 use super::normal::{density, distribution, ramp};
 use super::spline::Spline;
+use crate::lattice::chord;
 use glam::DVec2;
 use rayon::prelude::*;
 use std::cmp::Ordering;
@@ -154,19 +155,6 @@ fn strips(corners: &[DVec2], sigma_mm: f64) -> Vec<Strip> {
         }
     }
     strips
-}
-
-/// Where the line at height `y` enters and leaves the cell.
-fn chord(corners: &[DVec2], y: f64) -> [f64; 2] {
-    let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
-    for (n, &from) in corners.iter().enumerate() {
-        let to = corners[(n + 1) % corners.len()];
-        if (from.y - y) * (to.y - y) <= 0.0 && from.y != to.y {
-            let x = from.x + (to.x - from.x) * (y - from.y) / (to.y - from.y);
-            (low, high) = (low.min(x), high.max(x));
-        }
-    }
-    if low <= high { [low, high] } else { [0.0, 0.0] }
 }
 
 #[cfg(test)]

@@ -221,8 +221,8 @@ impl<T: Listed> LensletImage<'_, T> {
         let half = view.optics.half_aperture_mm;
         let (axes, alpha) = self.axes(line);
         let reach = view.corner + REACH_SIGMA * spot + beam.most_bend_mm;
-        let (left, right) = axes[0].lit(alpha.x, half, reach.x)?;
-        let (top, bottom) = axes[1].lit(alpha.y, half, reach.y)?;
+        let (left, right) = axes[0].lit(alpha.x, half, reach.x, 0.0)?;
+        let (top, bottom) = axes[1].lit(alpha.y, half, reach.y, 0.0)?;
         let width_mm = 1.0 / axes[0].slope.abs().min(axes[1].slope.abs());
         let on_array = alpha.abs().max_element() * width_mm;
         let mut parts = 1;

@@ -27,7 +27,7 @@ impl Share {
         (self.axis, self.by_points) = (Some(*axis), by_points);
         let half = image.view.optics.half_aperture_mm;
         let reach = image.view.corner + REACH_SIGMA * image.spot_mm + image.beam.most_bend_mm;
-        (self.first, self.end) = axis.lit(alpha, half, reach[n]).unwrap_or((0, 0));
+        (self.first, self.end) = axis.lit(alpha, half, reach[n], 0.0).unwrap_or((0, 0));
         self.edges.clear();
         self.factors.clear();
         if self.first == self.end {

@@ -27,7 +27,7 @@ pub(super) struct Widened {
 }
 
 /// Light farther from the sharp image than this many standard deviations of the blur is left out: 0.1 % on a side.
-pub(super) const REACH: f64 = 3.0;
+const REACH: f64 = 3.0;
 /// Variance of a pixel, px^2.
 pub(super) const PIXEL_VARIANCE: f64 = 1.0 / 12.0;
 /// A pixel below this width on the array, in standard deviations of the spot, counts as a part of the Gaussian.
@@ -41,6 +41,7 @@ impl SensorBlur {
     }
 
     /// Pixels beyond a sharp image that light reaches.
+    #[inline(always)]
     pub(super) fn reach_px(&self) -> f64 {
         REACH * self.sigma_px
     }

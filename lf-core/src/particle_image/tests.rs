@@ -26,11 +26,10 @@ fn image(model: &ParticleModel, place: [f64; 3]) -> Pixels {
     map
 }
 
-/// Total variation distance between the model's light and the pixels hit by rays, and the noise of this number of rays.
-fn distance_from_rays(camera: &Camera, place: [f64; 3], rays: usize) -> (f64, f64) {
-    let optics = Optics::new(camera);
-    let model = ParticleModel::new(camera, SIGMA_MM, DEPTH_MM).unwrap();
-    let (mut hits, mut passed) = (BTreeMap::new(), 0.0);
+/// Calls `each` with the places on the sensor, mm, that rays of a particle meet. Returns the number of rays that pass
+/// the stop.
+fn each_ray(optics: &Optics, place: [f64; 3], rays: usize, mut each: impl FnMut(DVec2)) -> f64 {
+    let mut passed = 0.0;
     // Powers of the root of x^5 = x + 1 spread four coordinates evenly (Roberts' sequence).
     let g: f64 = 1.167_303_978_261_418_7;
     for n in 1..=rays {
@@ -42,10 +41,21 @@ fn distance_from_rays(camera: &Camera, place: [f64; 3], rays: usize) -> (f64, f6
         let length = (-2.0 * (1.0 - r[2]).ln()).sqrt() * SIGMA_MM;
         let point = DVec2::new(place[0], place[1]) + DVec2::from_angle(std::f64::consts::TAU * r[3]) * length;
         passed += 1.0;
-        if let Some((column, row)) = optics.pixel_at(optics.sensor_from_object(point, place[2], u)) {
+        each(optics.sensor_from_object(point, place[2], u));
+    }
+    passed
+}
+
+/// Total variation distance between the model's light and the pixels hit by rays, and the noise of this number of rays.
+fn distance_from_rays(camera: &Camera, place: [f64; 3], rays: usize) -> (f64, f64) {
+    let optics = Optics::new(camera);
+    let model = ParticleModel::new(camera, SIGMA_MM, DEPTH_MM).unwrap();
+    let mut hits = BTreeMap::new();
+    let passed = each_ray(&optics, place, rays, |hit| {
+        if let Some((column, row)) = optics.pixel_at(hit) {
             *hits.entry((column as u32, row as u32)).or_insert(0.0) += 1.0;
         }
-    }
+    });
     let model = image(&model, place);
     let lit = model.values().filter(|pixel| pixel[0] > 1e-5).count();
     let mut off = 0.0;
@@ -67,18 +77,9 @@ fn distance_from_blurred_rays(camera: &Camera, place: [f64; 3], rays: usize) -> 
         let end = |n: i64| bell[(((n as f64 - at) / sigma).clamp(-6.0, 6.0) * 1e3 + 6000.0).round() as usize];
         end(pixel + 1) - end(pixel)
     };
-    let (mut hits, mut passed) = (BTreeMap::new(), 0.0);
-    let g: f64 = 1.167_303_978_261_418_7;
-    for n in 1..=rays {
-        let r: [f64; 4] = std::array::from_fn(|d| (n as f64 * g.powi(-(d as i32) - 1)).fract());
-        let u = (DVec2::new(r[0], r[1]) * 2.0 - 1.0) * optics.half_aperture_mm;
-        if !optics.passes(u) {
-            continue;
-        }
-        let length = (-2.0 * (1.0 - r[2]).ln()).sqrt() * SIGMA_MM;
-        let point = DVec2::new(place[0], place[1]) + DVec2::from_angle(std::f64::consts::TAU * r[3]) * length;
-        passed += 1.0;
-        let hit = optics.place_px(optics.sensor_from_object(point, place[2], u)).to_array();
+    let mut hits = BTreeMap::new();
+    let passed = each_ray(&optics, place, rays, |hit| {
+        let hit = optics.place_px(hit).to_array();
         let first = hit.map(|at| at.floor() as i64 - reach);
         let shares = [0, 1].map(|k| (0..=2 * reach).map(|n| share(hit[k], first[k] + n)).collect::<Vec<f64>>());
         for (row, down) in shares[1].iter().enumerate() {
@@ -87,7 +88,7 @@ fn distance_from_blurred_rays(camera: &Camera, place: [f64; 3], rays: usize) -> 
                 *hits.entry(at).or_insert(0.0) += across * down;
             }
         }
-    }
+    });
     let mut off = 0.0;
     for (at, pixel) in &image(&model, place) {
         off += (hits.remove(at).unwrap_or(0.0) / passed - pixel[0]).abs();
