@@ -4,13 +4,20 @@
 //! light that diffraction spreads around it, by a convolution of the whole sensor. It is smooth and a few per cent of
 //! all light, so a fit may hold it for a pass.
 //!
-//! Convention: pattern = middle + far light, where the middle is a Gaussian of the pattern's peak height. The kernel
-//! holds the far light of each pixel over the light that stays in the pixel.
+//! A kernel on whole pixels must stand for a pattern that is narrower than a pixel. Let a light of even spectrum pass a
+//! pixel (transfer P) once with the pattern (S) and once with its middle (G). The kernel that takes the second to the
+//! first with the least squared error is, at each frequency of the pixel grid,
+//!
+//! ```text
+//! K(f) = sum P^2 G S / sum P^2 G^2      over f and all frequencies that look like it on the grid
+//! ```
+//!
+//! Its total is 1. The tap of the pixel itself is the share of a particle's light that stays with its own image.
 
-use crate::camera::{Camera, Diffraction};
+use crate::camera::Camera;
 use glam::DVec2;
 use rayon::prelude::*;
-use std::f64::consts::PI;
+use std::f64::consts::{PI, TAU};
 
 /// Far light around a pixel.
 #[derive(Debug, Clone)]
@@ -26,50 +33,56 @@ pub struct Halo {
 const REACH: f64 = 16.0;
 /// Largest reach of the kernel, px.
 const MOST_REACH_PX: usize = 40;
-/// Parts of a pixel a side over which the pattern is summed, and least steps for each unit of the pattern.
-const PARTS: usize = 8;
-const STEPS_PER_UNIT: f64 = 4.0;
+/// Multiples of the sampling frequency, on each side, that look like a frequency of the grid. Pixels damp them.
+const ALIASES: i32 = 3;
 
 impl Halo {
     /// The halo of a camera; None if its lenslets do not diffract.
     pub fn new(camera: &Camera) -> Option<Self> {
         let diffraction = camera.diffraction()?;
-        let (unit, peak) = match diffraction {
-            Diffraction::Square { unit_px } => (unit_px, 1.0),
-            Diffraction::Disc { unit_px } => (unit_px, PI / 4.0),
-        };
         let turn = DVec2::from_angle(-camera.microlenses.rotation_rad);
-        let pattern = |place: DVec2| {
-            let t = turn.rotate(place) / unit;
-            match diffraction {
-                _ if t.length() > REACH => 0.0,
-                Diffraction::Square { .. } => sinc2(t.x) * sinc2(t.y),
-                Diffraction::Disc { .. } => airy(t.length()),
-            }
-        };
-        // A Gaussian of the pattern's height holds this share of its light.
-        let core = diffraction.core_px();
-        let share = peak * 2.0 * PI * core * core / (unit * unit);
-        let gaussian = |place: DVec2| (-0.5 * place.length_squared() / (core * core)).exp();
+        let sigma_px = camera.blur.map_or(0.0, |blur| blur.sigma_px);
+        let gaussian = |f: DVec2, sigma: f64| (-2.0 * PI * PI * sigma * sigma * f.length_squared()).exp();
+        let (core_px, unit_px) = (camera.blur_core_px(), diffraction.unit_px());
 
-        // Sum the pattern over each pixel; then take off the middle.
-        let reach = ((REACH * unit).ceil() as usize).clamp(1, MOST_REACH_PX);
+        // The kernel's transfer by frequency.
+        let reach = ((REACH * unit_px).ceil() as usize).clamp(1, MOST_REACH_PX);
         let side = 2 * reach + 1;
-        let parts = PARTS.max((STEPS_PER_UNIT / unit).ceil() as usize);
-        let sums: Vec<[f64; 2]> = (0..side * side)
-            .into_par_iter()
+        let frequency = |n: usize| (n as f64 - reach as f64) / side as f64;
+        let transfer = |n: usize| {
+            let base = DVec2::new(frequency(n % side), frequency(n / side));
+            let mut sums = [0.0; 2];
+            for alias in
+                (-ALIASES..=ALIASES).flat_map(|y| (-ALIASES..=ALIASES).map(move |x| DVec2::new(x.into(), y.into())))
+            {
+                let f = base + alias;
+                let pixel = (sinc(f.x) * sinc(f.y)).powi(2);
+                let (middle, whole) =
+                    (gaussian(f, core_px), diffraction.transfer(turn.rotate(f)) * gaussian(f, sigma_px));
+                sums = [sums[0] + pixel * middle * whole, sums[1] + pixel * middle * middle];
+            }
+            sums[0] / sums[1]
+        };
+        let transfer: Vec<f64> = (0..side * side).into_par_iter().map(transfer).collect();
+
+        // Its taps: columns, then rows.
+        let angle = |f: usize, n: usize| DVec2::from_angle(TAU * frequency(f) * (n as f64 - reach as f64));
+        let angles: Vec<DVec2> = (0..side * side).map(|n| angle(n / side, n % side)).collect();
+        let mut rows = vec![DVec2::ZERO; side * side];
+        for (line, row) in transfer.chunks(side).zip(rows.chunks_mut(side)) {
+            for (at, angles) in line.iter().zip(angles.chunks(side)) {
+                row.iter_mut().zip(angles).for_each(|(sum, angle)| *sum += *at * *angle);
+            }
+        }
+        let taps: Vec<f64> = (0..side * side)
             .map(|n| {
-                let corner = DVec2::new((n % side) as f64, (n / side) as f64) - (reach as f64 + 0.5);
-                let points = (0..parts * parts)
-                    .map(|k| corner + (DVec2::new((k % parts) as f64, (k / parts) as f64) + 0.5) / parts as f64);
-                points.fold([0.0; 2], |[all, middle], point| [all + pattern(point), middle + gaussian(point)])
+                let along = |f: usize| rows[f * side + n % side].rotate(angles[f * side + n / side]).x;
+                (0..side).map(along).sum::<f64>() / (side * side) as f64
             })
             .collect();
-        let [all, middle] = sums.iter().fold([0.0; 2], |sum, more| [sum[0] + more[0], sum[1] + more[1]]);
-        let far: Vec<f64> = sums.iter().map(|sum| sum[0] / all - share * sum[1] / middle).collect();
         let centre = reach * side + reach;
-        let middle_share = share + far[centre];
-        let mut kernel: Vec<f32> = far.iter().map(|light| (light / middle_share) as f32).collect();
+        let middle_share = taps[centre];
+        let mut kernel: Vec<f32> = taps.iter().map(|tap| (tap / middle_share) as f32).collect();
         kernel[centre] = 0.0;
         Some(Self { reach, kernel, middle_share })
     }
@@ -104,21 +117,9 @@ impl Halo {
     }
 }
 
-/// (sin(pi t) / (pi t))^2.
-fn sinc2(t: f64) -> f64 {
-    if t == 0.0 { 1.0 } else { ((PI * t).sin() / (PI * t)).powi(2) }
-}
-
-/// (2 J1(pi r) / (pi r))^2. J1 comes from Bessel's integral; the midpoint rule is exact for it at these arguments.
-fn airy(r: f64) -> f64 {
-    const POINTS: usize = 64;
-    let x = PI * r;
-    if x == 0.0 {
-        return 1.0;
-    }
-    let angles = (0..POINTS).map(|n| PI * (n as f64 + 0.5) / POINTS as f64);
-    let j1 = angles.map(|angle| (angle - x * angle.sin()).cos()).sum::<f64>() / POINTS as f64;
-    (2.0 * j1 / x).powi(2)
+/// sin(pi t) / (pi t).
+fn sinc(t: f64) -> f64 {
+    if t == 0.0 { 1.0 } else { (PI * t).sin() / (PI * t) }
 }
 
 #[cfg(test)]

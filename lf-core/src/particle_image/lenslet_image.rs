@@ -2,6 +2,7 @@
 
 use super::axis::Axis;
 use super::beam::Beam;
+use super::blurred_factors::EdgeSums;
 use super::cell_surface::{REACH_SIGMA, Tables};
 use super::cross::{Cross, LineJet, Read};
 use super::factor::Factor;
@@ -143,6 +144,7 @@ pub struct Scratch {
     pub(super) corners: [Vec<Jet>; 2],
     pub(super) factors: [Vec<Factor>; 2],
     pub(super) shared: Shared,
+    pub(super) edge_sums: EdgeSums,
     taps: Lists<Taps>,
     reads: Lists<Read>,
     lines: [Vec<[f64; QUANTITIES]>; 2],
@@ -214,9 +216,6 @@ impl<T: Listed> LensletImage<'_, T> {
         by_shift: f64,
         scratch: &mut Scratch,
     ) -> Option<Patch> {
-        if let Some(patch) = T::by_axes::<N>(self, line, by_shift, scratch) {
-            return patch;
-        }
         let Self { view, beam, spot_mm: spot, .. } = *self;
         let half = view.optics.half_aperture_mm;
         let (axes, alpha) = self.axes(line);

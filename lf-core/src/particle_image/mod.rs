@@ -32,6 +32,7 @@
 mod axis;
 mod beam;
 mod blurred;
+mod blurred_factors;
 mod cell_surface;
 mod cross;
 mod factor;

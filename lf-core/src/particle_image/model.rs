@@ -32,6 +32,8 @@ const BLURRED_TABLE_RATIO: f64 = 1.08;
 const LEAST_PX_BY_STOP: f64 = 2.0;
 /// Spots smaller than this are drawn at this size, pixel pitches on the array.
 const LEAST_SPOT_PX: f64 = 0.05;
+/// Largest distance of the ends of a cell's edges from those along the axes for which they are taken as one, px.
+const MOST_TURN_PX: f64 = 0.06;
 /// Depths tried for the range of sizes.
 const DEPTHS: usize = 9;
 
@@ -65,7 +67,7 @@ impl ParticleModel {
         let ratio = if blur.is_some() { BLURRED_TABLE_RATIO } else { TABLE_RATIO };
         let count = ((most / least).ln() / ratio.ln()).ceil().max(1.0) as usize;
         let step = (most / least).powf(1.0 / count as f64);
-        let corners = optics.lattice().cell_mm();
+        let corners = cell(&optics, pitch_mm, blur.is_some());
         let spot = |n: usize| sigma_mm * least * step.powf(n as f64 + 0.5);
         let sizes: Vec<f64> = (0..count).map(|n| spot(n).max(least_mm)).collect();
         let has_round_stop = camera.main_lens.aperture == Aperture::Circle;
@@ -194,9 +196,11 @@ impl ParticleModel {
                     continue;
                 }
             }
-            let patch = match &self.view.blur {
-                Some(blur) => image.blurred::<N>((blur, surfaces), line, self.lines.by_shift, scratch),
-                None => image.integrate::<N>(line, self.lines.by_shift, scratch),
+            let by_shift = self.lines.by_shift;
+            let patch = match (T::by_axes::<N>(&image, line, by_shift, scratch), &self.view.blur) {
+                (Some(patch), _) => patch,
+                (None, Some(blur)) => image.blurred::<N>((blur, surfaces), line, by_shift, scratch),
+                (None, None) => image.integrate::<N>(line, by_shift, scratch),
             };
             if let Some(patch) = patch {
                 to_place::<N>(beam, self.sigma_mm, scratch.pixels_mut());
@@ -204,6 +208,19 @@ impl ParticleModel {
             }
         }
     }
+}
+
+/// Corners of a lenslet's cell, mm. The edges of a square that is turned by so little that blur hides it are laid along
+/// the axes: then the image is a product. The centre of the lenslet keeps its place.
+fn cell(optics: &Optics, pitch_mm: f64, is_blurred: bool) -> Vec<DVec2> {
+    let turned = optics.lattice().cell_mm();
+    let corner = 0.5 * pitch_mm;
+    let most = MOST_TURN_PX * optics.pixel_pitch_mm;
+    let is_near = turned.iter().all(|at| (at.abs() - corner).abs().max_element() < most);
+    if !is_blurred || turned.len() != 4 || !is_near {
+        return turned;
+    }
+    [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)].map(|(x, y)| corner * DVec2::new(x, y)).to_vec()
 }
 
 /// From derivatives by the beam (m, alpha, spot) to derivatives by the place and the size of the particle.

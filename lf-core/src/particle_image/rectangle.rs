@@ -1,6 +1,7 @@
 //! The image of a cell that is a rectangle along the axes: light is a factor along x times one along y.
 
 use super::axis::Axis;
+use super::blurred_factors::{EdgeSums, Span};
 use super::cell_surface::REACH_SIGMA;
 use super::cross::Cross;
 use super::factor::Factor;
@@ -20,6 +21,7 @@ impl Share {
         (n, axis): (usize, &Axis),
         (alpha, by_shift): (f64, f64),
         by_points: bool,
+        sums: &mut EdgeSums,
     ) -> bool {
         if self.axis.as_ref() == Some(axis) && self.by_points == by_points {
             return false;
@@ -27,16 +29,23 @@ impl Share {
         (self.axis, self.by_points) = (Some(*axis), by_points);
         let half = image.view.optics.half_aperture_mm;
         let reach = image.view.corner + REACH_SIGMA * image.spot_mm + image.beam.most_bend_mm;
-        (self.first, self.end) = axis.lit(alpha, half, reach[n], 0.0).unwrap_or((0, 0));
+        let blur = image.view.blur.as_ref();
+        let beside_px = blur.map_or(0.0, |blur| blur.reach_px());
+        (self.first, self.end) = axis.lit(alpha, half, reach[n], beside_px).unwrap_or((0, 0));
         self.edges.clear();
         self.factors.clear();
         if self.first == self.end {
             return true;
         }
         for edge in self.first..=self.end {
-            self.edges.push(axis.place(edge as f64, alpha, by_shift, half));
+            // Light of the stop's rim reaches pixels beyond on a blurred sensor.
+            let most = if blur.is_some() { f64::INFINITY } else { half };
+            self.edges.push(axis.place(edge as f64, alpha, by_shift, most));
         }
-        if by_points {
+        if let Some(blur) = blur {
+            let span = Span { axis, alpha, corner: image.view.corner[n], first: self.first, edges: &self.edges };
+            image.blurred_factors(blur, &span, sums, &mut self.factors);
+        } else if by_points {
             image.means(n, &self.edges, &mut self.factors);
         } else {
             image.differences(n, alpha, &self.edges, &mut self.factors);
@@ -57,8 +66,8 @@ impl LensletImage<'_, Cross> {
         let (axes, alpha) = self.axes(line);
         let width_mm = 1.0 / axes[0].slope.abs().min(axes[1].slope.abs());
         let by_points = alpha.abs().max_element() * width_mm < BY_POINTS * self.spot_mm;
-        let Scratch { shared: Shared { row, columns, next }, pixels, .. } = scratch;
-        if row.find(self, (1, &axes[1]), (alpha.y, by_shift), by_points) {
+        let Scratch { shared: Shared { row, columns, next }, edge_sums, pixels, .. } = scratch;
+        if row.find(self, (1, &axes[1]), (alpha.y, by_shift), by_points, edge_sums) {
             *next = 0;
         }
         if *next == columns.len() {
@@ -66,12 +75,12 @@ impl LensletImage<'_, Cross> {
         }
         let column = &mut columns[*next];
         *next += 1;
-        column.find(self, (0, &axes[0]), (alpha.x, by_shift), by_points);
+        column.find(self, (0, &axes[0]), (alpha.x, by_shift), by_points, edge_sums);
         if row.first == row.end || column.first == column.end {
             return None;
         }
         pixels.clear();
-        let per_stop = 1.0 / self.view.stop_mm2;
+        let per_stop = self.view.blur.as_ref().map_or(1.0, |blur| blur.share) / self.view.stop_mm2;
         for b in &row.factors {
             let b = b.mix(per_stop, b, 0.0);
             pixels.extend(column.factors.iter().map(|a| product::<N>(a, &b)));
@@ -118,6 +127,7 @@ impl LensletImage<'_, Cross> {
             by_alpha: read.slope * alpha,
             by_size: read.by_size,
             by_shift: read.slope * shift,
+            by_blur: 0.0,
         }
     }
 
@@ -169,6 +179,7 @@ fn product<const N: usize>(a: &Factor, b: &Factor) -> [f64; QUANTITIES] {
     if N > PLACES {
         light[4] = a.by_size * b.light + a.light * b.by_size;
         [light[5], light[6]] = [a.by_shift * b.light, a.light * b.by_shift];
+        light[7] = a.by_blur * b.light + a.light * b.by_blur;
     }
     light
 }
