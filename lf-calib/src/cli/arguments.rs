@@ -1,6 +1,6 @@
 //! The options of `lf-calib`.
 
-use super::parse::{aperture, layout, sensor_px, window};
+use super::parse::{aperture, layout, numerical_aperture, sensor_px, window};
 use clap::{Args, Parser, Subcommand};
 use lf_core::camera::{Aperture, Layout};
 use lf_core::cli::{self, Common, ImageOptions, MemoryLimit, length_mm};
@@ -32,11 +32,13 @@ pub enum Task {
     /// Prints camera.json, the start of every calibration, and says which depths the camera resolves, how large voxels
     /// should be and where a dot target should stand. Warns of parts that do not fit each other. Lengths take a unit,
     /// as 5.5um or 20cm; without one they are mm.
-    #[command(after_help = "Examples; the last is before a tank of water:
+    #[command(after_help = "Examples; the second is before a tank of water, the last a microscope:
   lf-calib nominal --sensor 6600x4400 --pixel 5.5um --f 200 --magnification 1 --f-number 4 \\
       --pitch 77um --lenslet-f 308um -o nominal.json
   lf-calib nominal --sensor 6600x4400 --pixel 5.5um --f 200 --magnification 0.95 --ring 4 \\
-      --pitch 77um --lenslet-f 600um --layout hexagonal --water -o nominal.json")]
+      --pitch 77um --lenslet-f 600um --layout hexagonal --water -o nominal.json
+  lf-calib nominal --sensor 1608x1208 --pixel 6.5um --microscope 0.5,1.33 --f 9 --tube-lens 200 \\
+      --pitch 125um --lenslet-f 2.5mm -o nominal.json")]
     Nominal(NominalArguments),
     /// Find the microlens lattice in white images
     ///
@@ -103,19 +105,47 @@ pub struct NominalArguments {
     /// Distance between pixels
     #[arg(long, value_name = "LENGTH", value_parser = length_mm)]
     pub pixel: f64,
-    /// Focal length of the main lens
-    #[arg(long = "f", visible_alias = "focal-length", value_name = "LENGTH", value_parser = length_mm)]
-    pub focal_length: f64,
+    /// Focal length of the main lens, or of a microscope's objective
+    #[arg(
+        long = "f",
+        visible_alias = "focal-length",
+        value_name = "LENGTH",
+        value_parser = length_mm,
+        required_unless_present_any = ["telecentric", "microscope"]
+    )]
+    pub focal_length: Option<f64>,
     /// Size of the image on the microlenses over the size of the object in focus
-    #[arg(long, value_name = "M")]
-    pub magnification: f64,
+    #[arg(long, value_name = "M", required_unless_present = "tube_lens")]
+    pub magnification: Option<f64>,
     /// Working f-number: distance from the lens to the microlenses, over the diameter of the stop
-    #[arg(long, value_name = "N", required_unless_present = "ring")]
+    #[arg(long, value_name = "N", required_unless_present_any = ["ring", "microscope"])]
     pub f_number: Option<f64>,
     /// Instead of --f-number: the number on the lens's ring, which holds for objects far away. The working f-number is
     /// 1 + M times as large
-    #[arg(long, value_name = "N", conflicts_with = "f_number")]
+    #[arg(long, value_name = "N", conflicts_with_all = ["f_number", "telecentric", "microscope"])]
     pub ring: Option<f64>,
+    /// The lens is telecentric towards the object, which is in a medium of this index, 1 if none is given. --f may be
+    /// left out, because no ray depends on it
+    #[arg(long, value_name = "INDEX", num_args = 0..=1, default_missing_value = "1", conflicts_with = "water")]
+    pub telecentric: Option<f64>,
+    /// A microscope, by its numerical aperture and the index of what its objective is immersed in, 1 if none is given;
+    /// such as 0.5,1.33. It is telecentric, and has M / (2 NA) as its f-number
+    #[arg(
+        long,
+        value_name = "NA[,INDEX]",
+        value_parser = numerical_aperture,
+        conflicts_with_all = ["f_number", "telecentric", "water"]
+    )]
+    pub microscope: Option<[f64; 2]>,
+    /// With --microscope, instead of --magnification: focal length of the tube lens. M is this over --f
+    #[arg(
+        long,
+        value_name = "LENGTH",
+        value_parser = length_mm,
+        requires_all = ["microscope", "focal_length"],
+        conflicts_with = "magnification"
+    )]
+    pub tube_lens: Option<f64>,
     /// Shape of the stop
     #[arg(long, value_name = "SHAPE", default_value = "circle", value_parser = aperture())]
     pub aperture: Aperture,
@@ -168,7 +198,8 @@ pub struct LatticeArguments {
     #[arg(long)]
     pub keep_f_number: bool,
     /// Take the nominal pitch of the array as exact. The distance between lenslet images then gives the distance of the
-    /// main lens's exit pupil, which the camera gets as pupil_distance_mm
+    /// main lens's exit pupil, which the camera gets as pupil_distance_mm; or as 1 over it, pupil_vergence_per_mm, if the
+    /// pupil is at infinity or behind the array
     #[arg(long)]
     pub keep_pitch: bool,
     /// Picture: the lattice over pieces of the image, departures and residuals over the frame

@@ -1,6 +1,6 @@
 //! From the data sheets to a camera, also to one in air that stands for one before a liquid.
 
-use lf_core::camera::{Aperture, Layout, MainLens, Medium, Microlenses, Sensor};
+use lf_core::camera::{Aperture, Layout, MainLens, Medium, Microlenses, Sensor, Telecentric};
 use lf_core::{Camera, Refusal};
 
 /// A camera as data sheets describe it.
@@ -18,6 +18,8 @@ pub struct DataSheet {
     pub working_f_number: f64,
     /// Shape of the stop.
     pub aperture: Aperture,
+    /// Index of what a lens that is telecentric towards the object looks into; None for a thin lens.
+    pub telecentric_index: Option<f64>,
     /// How the lenslets are packed.
     pub layout: Layout,
     /// Distance between neighbouring lenslets, mm.
@@ -50,6 +52,8 @@ impl DataSheet {
                 working_f_number: self.working_f_number,
                 aperture: self.aperture,
                 pupil_distance_mm: None,
+                pupil_vergence_per_mm: None,
+                telecentric: self.telecentric_index.map(|index| Telecentric { index }),
             },
             microlenses: Microlenses {
                 layout: self.layout,
@@ -90,6 +94,7 @@ pub fn in_air(camera: &Camera, index: f64) -> Camera {
     let grown = |length: f64| format!("{:.11e}", length * index).parse().unwrap_or(length * index);
     camera.main_lens.focal_length_mm = grown(camera.main_lens.focal_length_mm);
     camera.main_lens.pupil_distance_mm = camera.main_lens.pupil_distance_mm.map(grown);
+    camera.main_lens.pupil_vergence_per_mm = camera.main_lens.pupil_vergence_per_mm.map(|vergence| vergence / index);
     camera.main_lens.working_f_number = grown(camera.main_lens.working_f_number);
     camera.microlenses.focal_length_mm = grown(camera.microlenses.focal_length_mm);
     camera.microlenses.gap_mm = camera.microlenses.gap_mm.map(grown);
@@ -112,6 +117,7 @@ pub(crate) mod tests {
             magnification: 1.0,
             working_f_number: 4.0,
             aperture: Aperture::Circle,
+            telecentric_index: None,
             layout: Layout::Square,
             pitch_mm: 0.077,
             lenslet_focal_length_mm: 0.308,
