@@ -265,8 +265,8 @@ impl Optics {
         self.demagnification * self.pupil_ratio
     }
 
-    /// The factors of x_m and c in `x_s = array_gain x_m + lenslet_gain c - k U`, for a sensor without tilt: f_l / l and
-    /// 1, or `g / l + 1 - g / f_l` and `g / f_l` with a gap g.
+    /// The factors of x_m and c in `x_s = array_gain x_m + lenslet_gain c - k U`, for a sensor without tilt: f_l / l
+    /// and 1, or `g / l + 1 - g / f_l` and `g / f_l` with a gap g.
     #[inline]
     pub(crate) fn gains(&self) -> (f64, f64) {
         self.sensor_plane.as_ref().map_or((self.image_growth(), 1.0), |plane| {
@@ -656,8 +656,8 @@ mod tests {
         }
     }
 
-    /// A lens of focal length f with its exit pupil at infinity or behind the array, against a trace step by step: among
-    /// the rays of the point, bisection finds the one with the slope that V stands for. Near pupils are those of
+    /// A lens of focal length f with its exit pupil at infinity or behind the array, against a trace step by step:
+    /// among the rays of the point, bisection finds the one with the slope that V stands for. Near pupils are those of
     /// `pupil_distance_mm`, with V measured elsewhere.
     #[test]
     fn rays_through_a_far_pupil_are_those_of_a_slow_trace() {
@@ -709,8 +709,8 @@ mod tests {
         }
     }
 
-    /// By hand: at 20 times and N_w = 20 the numerical aperture is 0.5. In water the rim's ray has the sine 0.5 / 1.333;
-    /// 0.1 mm from focus it meets the plane in focus 0.1 mm times the tangent off, and the array 20 times that.
+    /// By hand: at 20 times and N_w = 20 the numerical aperture is 0.5. In water the rim's ray has the sine 0.5 /
+    /// 1.333; 0.1 mm from focus it meets the plane in focus 0.1 mm times the tangent off, and the array 20 times that.
     #[test]
     fn a_microscope_keeps_the_sine_condition() {
         let mut camera = seed(20, Aperture::Circle, Layout::Square, 0.0);

@@ -198,8 +198,8 @@ pub struct LatticeArguments {
     #[arg(long)]
     pub keep_f_number: bool,
     /// Take the nominal pitch of the array as exact. The distance between lenslet images then gives the distance of the
-    /// main lens's exit pupil, which the camera gets as pupil_distance_mm; or as 1 over it, pupil_vergence_per_mm, if the
-    /// pupil is at infinity or behind the array
+    /// main lens's exit pupil, which the camera gets as pupil_distance_mm; if the pupil is at infinity or behind the
+    /// array, as 1 over that distance, pupil_vergence_per_mm
     #[arg(long)]
     pub keep_pitch: bool,
     /// Picture: the lattice over pieces of the image, departures and residuals over the frame

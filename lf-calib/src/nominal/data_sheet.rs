@@ -69,6 +69,7 @@ impl DataSheet {
             centres: None,
             vignetting: None,
             blur: None,
+            sensor_noise: None,
             pose: None,
             calibration: None,
         };

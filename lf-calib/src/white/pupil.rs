@@ -1,6 +1,6 @@
 //! The exit pupil by the pitch of the lenslet images: p (1 + k) for an array of pitch p, with k = g / l for a gap g and
-//! an exit pupil at the distance l. A white image shows the product alone; whoever knows p exactly learns l. Images that
-//! are nearer to each other than the lenslets show a pupil behind the array.
+//! an exit pupil at the distance l. A white image shows the product alone; whoever knows p exactly learns l. Images
+//! that are nearer to each other than the lenslets show a pupil behind the array.
 
 use super::image_lattice::ImageLattice;
 use lf_core::{Camera, Refusal};

@@ -1,6 +1,6 @@
 //! `camera.json` from and to text, and which of its values are refused.
 
-use super::model::{Blur, Camera, Distortion, Medium, Telecentric, Tilt};
+use super::model::{Blur, Camera, Distortion, Medium, SensorNoise, Telecentric, Tilt};
 use crate::{Error, Refusal, io, json};
 use std::path::{Path, PathBuf};
 
@@ -98,6 +98,10 @@ impl Camera {
         }
         if let Some(blur) = &self.blur {
             self.check_blur(blur)?;
+        }
+        if let Some(SensorNoise { gain_counts, read_noise_counts }) = self.sensor_noise {
+            positive("sensor_noise.gain_counts", gain_counts)?;
+            positive("sensor_noise.read_noise_counts", read_noise_counts)?;
         }
         if let Some(centres) = &self.centres {
             centres.check()?;

@@ -57,7 +57,7 @@ mod pose;
 pub use crate::lattice::{Layout, Microlenses};
 pub use blur::Diffraction;
 pub use derived::ALIGNED_PX;
-pub use model::{Aperture, Blur, Camera, Distortion, MainLens, Medium, Sensor, Telecentric, Tilt};
+pub use model::{Aperture, Blur, Camera, Distortion, MainLens, Medium, Sensor, SensorNoise, Telecentric, Tilt};
 pub use pose::Pose;
 
 #[cfg(test)]

@@ -28,6 +28,7 @@ pub(crate) fn seed(lenslets: usize, aperture: Aperture, layout: Layout, rotation
         centres: None,
         vignetting: None,
         blur: None,
+        sensor_noise: None,
         pose: None,
         calibration: None,
     }
@@ -38,6 +39,16 @@ fn seed_camera_is_matched() {
     let camera = seed(20, Aperture::Square, Layout::Square, 0.0);
     assert!((camera.aperture_mm() - 100.0).abs() < 1e-12);
     assert!((camera.demagnification() * camera.aperture_mm() - camera.microlenses.pitch_mm).abs() < 1e-12);
+}
+
+#[test]
+fn noise_comes_back_and_is_checked() {
+    let mut camera = seed(20, Aperture::Square, Layout::Square, 0.0);
+    assert!(!camera.to_json().contains("noise"));
+    camera.sensor_noise = Some(SensorNoise { gain_counts: 0.4, read_noise_counts: 2.5 });
+    assert_eq!(Camera::from_json(&camera.to_json()).unwrap(), camera);
+    camera.sensor_noise = Some(SensorNoise { gain_counts: -1.0, read_noise_counts: 2.5 });
+    assert_eq!(camera.check().unwrap_err().found, "sensor_noise.gain_counts is -1");
 }
 
 #[test]
