@@ -1,6 +1,6 @@
 //! The options of `lf-calib`.
 
-use super::parse::{aperture, layout, numerical_aperture, sensor_px, window};
+use super::parse::{aperture, layout, numerical_aperture, sensor_px, wavelength_nm, window};
 use clap::{Args, Parser, Subcommand};
 use lf_core::camera::{Aperture, Layout};
 use lf_core::cli::{self, Common, ImageOptions, MemoryLimit, length_mm};
@@ -42,10 +42,10 @@ pub enum Task {
     Nominal(NominalArguments),
     /// Find the microlens lattice in white images
     ///
-    /// The images give the layout, pitch, rotation, offset and smooth departures of the lattice, and the working
-    /// f-number from the width of the lenslet images. The nominal camera gives the rest of the main lens, the microlens
-    /// focal length, the pixels and everything else in its file. Several offsets and rotations describe the same
-    /// lattice; the ones nearest to the nominal camera are written.
+    /// The images give the layout, pitch, rotation, offset and smooth departures of the lattice, the working f-number
+    /// from the width of the lenslet images, and the blur on the sensor from how soft their rims are. The nominal
+    /// camera gives the rest of the main lens, the microlens focal length, the pixels and everything else in its file.
+    /// Several offsets and rotations describe the same lattice; the ones nearest to the nominal camera are written.
     #[command(after_help = "Examples, in out/ after scripts/demo:
   lf-calib lattice white.exr -c nominal.json -o calibrated.json --plot lattice.svg
   lf-synth white scene/scene.json |
@@ -72,6 +72,17 @@ pub enum Task {
   lf-synth scene demo --set particles.per_lenslet=0.015 | lf-synth frames -o sparse
   lf-calib refine sparse/frame-*.exr -c sparse/camera.json --depth -5,5 -v -o refined.json")]
     Refine(RefineArguments),
+    /// Find the noise of the sensor from white and dark images (photon transfer)
+    ///
+    /// The variance of a pixel grows with its counts by the gain, counts for an electron; without light it is that of
+    /// the read noise. Two or more white images of the same light show the first, dark images the second. The camera
+    /// gets both as sensor_noise.
+    #[command(after_help = "Examples; the first three make the images of the last:
+  for n in 1 2; do lf-synth scene demo --set seed=$n | lf-synth white -o white-$n.exr; done
+  lf-synth scene demo | lf-synth dark -o dark.exr
+  lf-synth scene demo | lf-synth frames -o demo
+  lf-calib noise white-1.exr white-2.exr --dark dark.exr -c demo/camera.json -v")]
+    Noise(NoiseArguments),
     /// Per-pixel minimum, a low quantile or the mean of many frames, or a minimum about each frame
     ///
     /// Every page of a TIFF is a frame. Frames are read one at a time. Memory holds this frame, files that come through
@@ -155,6 +166,9 @@ pub struct NominalArguments {
     /// Focal length of the microlenses
     #[arg(long = "lenslet-f", visible_alias = "lenslet-focal-length", value_name = "LENGTH", value_parser = length_mm)]
     pub lenslet_focal_length: f64,
+    /// Wavelength of the light, nm, which diffracts at the rim of each lenslet
+    #[arg(long, value_name = "NM", value_parser = wavelength_nm)]
+    pub wavelength: Option<f64>,
     /// How the microlenses are packed
     #[arg(long, value_name = "LAYOUT", default_value = "square", value_parser = layout())]
     pub layout: Layout,
@@ -193,6 +207,10 @@ pub struct LatticeArguments {
     /// frames are divided by it. Give --dark too if the sensor counts without light
     #[arg(long, value_name = "FILE.exr")]
     pub vignetting: Option<PathBuf>,
+    /// Wavelength of the light, nm, which diffracts at the rim of each lenslet; instead of that in the nominal
+    /// camera
+    #[arg(long, value_name = "NM", value_parser = wavelength_nm)]
+    pub wavelength: Option<f64>,
     /// Keep the nominal working f-number although the lenslet images show another: the white images were taken with
     /// another stop than the frames
     #[arg(long)]
@@ -256,6 +274,24 @@ pub struct RefineArguments {
     #[command(flatten)]
     pub reading: ImageOptions,
     /// Corrected camera.json, - for standard output
+    #[arg(short, long, value_name = "FILE", default_value = "-")]
+    pub output: PathBuf,
+}
+
+#[derive(Args)]
+pub struct NoiseArguments {
+    /// Raw white images of the same light, two or more, also pages of a TIFF
+    #[arg(required = true)]
+    pub whites: Vec<PathBuf>,
+    /// Dark image of the same exposure; may be repeated, and two or more keep a pattern out of the noise
+    #[arg(long, value_name = "FILE", required = true)]
+    pub dark: Vec<PathBuf>,
+    /// Camera that gets the noise, camera.json
+    #[arg(short, long, value_name = "FILE")]
+    pub camera: PathBuf,
+    #[command(flatten)]
+    pub reading: ImageOptions,
+    /// Camera with the noise of its sensor, camera.json, - for standard output
     #[arg(short, long, value_name = "FILE", default_value = "-")]
     pub output: PathBuf,
 }

@@ -47,6 +47,7 @@ fn data_sheet(arguments: &NominalArguments) -> DataSheet {
         working_f_number: f_number.or(of_ring).or(of_sine).unwrap_or(f64::NAN),
         aperture: arguments.aperture,
         telecentric_index: telecentric.or(microscope.map(|[_, index]| index)),
+        wavelength_nm: arguments.wavelength,
         layout: arguments.layout,
         pitch_mm: arguments.pitch,
         lenslet_focal_length_mm: arguments.lenslet_focal_length,

@@ -1,6 +1,6 @@
 //! From the data sheets to a camera, also to one in air that stands for one before a liquid.
 
-use lf_core::camera::{Aperture, Layout, MainLens, Medium, Microlenses, Sensor, Telecentric};
+use lf_core::camera::{Aperture, Blur, Layout, MainLens, Medium, Microlenses, Sensor, Telecentric};
 use lf_core::{Camera, Refusal};
 
 /// A camera as data sheets describe it.
@@ -20,6 +20,8 @@ pub struct DataSheet {
     pub aperture: Aperture,
     /// Index of what a lens that is telecentric towards the object looks into; None for a thin lens.
     pub telecentric_index: Option<f64>,
+    /// Wavelength of the light, nm; None if the lenslets do not diffract.
+    pub wavelength_nm: Option<f64>,
     /// How the lenslets are packed.
     pub layout: Layout,
     /// Distance between neighbouring lenslets, mm.
@@ -68,7 +70,7 @@ impl DataSheet {
             medium: None,
             centres: None,
             vignetting: None,
-            blur: None,
+            blur: self.wavelength_nm.map(|nm| Blur { sigma_px: 0.0, wavelength_nm: Some(nm) }),
             sensor_noise: None,
             pose: None,
             calibration: None,
@@ -119,6 +121,7 @@ pub(crate) mod tests {
             working_f_number: 4.0,
             aperture: Aperture::Circle,
             telecentric_index: None,
+            wavelength_nm: None,
             layout: Layout::Square,
             pitch_mm: 0.077,
             lenslet_focal_length_mm: 0.308,
