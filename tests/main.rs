@@ -4,6 +4,7 @@ mod bad_input;
 mod bad_output;
 mod bench;
 mod blunders;
+mod blur;
 mod chain;
 mod exports;
 mod flowing;

@@ -16,6 +16,7 @@ mod fit;
 mod frames;
 mod mean;
 mod nominal;
+mod photon_transfer;
 pub mod plot;
 mod points;
 #[cfg(test)]
@@ -28,11 +29,12 @@ pub use drift::{Refined, refine, refine_steps};
 pub use frames::{Change, Correction, Factor, HotPixels, Lasers, Sensitivity};
 pub use mean::{MeanImage, check_saturation};
 pub use nominal::{Advice, DataSheet, Liquid, advice, in_air, sheet_warnings};
+pub use photon_transfer::{PhotonTransfer, photon_transfer};
 pub use target::{
     Dot, Exposure, MainLensFit, closer_dots_mm, depths_of_names, depths_of_table, fit_warnings, grid, main_lens,
     main_lens_steps, setup_mistake,
 };
 pub use white::{
-    Calibrated, Centre, Fill, ImageLattice, Keep, LATTICE_STEPS, PitchChange, Pupil, Residual, SecondStop, StopWidth,
-    calibrate, find_lattice, flat_field,
+    Calibrated, Centre, Fill, ImageLattice, Keep, LATTICE_STEPS, PitchChange, Pupil, Residual, RimBlur, SecondStop,
+    StopWidth, calibrate, find_lattice, flat_field, rim_blur,
 };

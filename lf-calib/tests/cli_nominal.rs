@@ -58,6 +58,38 @@ fn water_gives_a_longer_camera_in_air_or_a_medium() {
     assert!(text.contains("warning: the equivalent camera in air is off by "), "{text}");
 }
 
+/// A microscope of 20 times and numerical aperture 0.5 in water. Its f-number is 20 / (2 0.5), and in focus a pixel of
+/// 6.5 um is one of 0.325 um.
+#[test]
+fn a_microscope_by_its_data_sheet() {
+    let bench = workbench();
+    let array = "--sensor 1608x1208 --pixel 6.5um --pitch 125um --lenslet-f 2.5mm";
+    let run = bench.run(&format!("nominal {array} --microscope 0.5,1.33 --f 10 --tube-lens 200"));
+    let camera = Camera::from_json(&run.text()).unwrap();
+    let lens = &camera.main_lens;
+    assert_eq!((lens.magnification, lens.working_f_number, lens.focal_length_mm), (20.0, 20.0, 10.0));
+    assert_eq!((lens.telecentric.unwrap().index, camera.image_growth()), (1.33, 0.0));
+    for words in [
+        "magnification 20.0000, working f-number 20.0000",
+        "a pixel 0.3250 um",
+        "useful depth: z from -159.9 to 159.9 um",
+    ] {
+        assert!(run.stderr.contains(words), "{words}: {}", run.stderr);
+    }
+    assert!(run.stderr.contains("--depth -0.15986,0.15986"), "{}", run.stderr);
+    // The focal length plays no part, and a lens in air has the index 1.
+    let run = bench.run(&format!("nominal {array} --microscope 0.5 --magnification 20 -q"));
+    let other = Camera::from_json(&run.text()).unwrap();
+    assert_eq!((other.main_lens.focal_length_mm, other.main_lens.telecentric.unwrap().index), (10.0, 1.0));
+    let run = bench.run(&format!("nominal {array} --telecentric --magnification 0.5 --f-number 20 -q"));
+    let other = Camera::from_json(&run.text()).unwrap();
+    assert!(other.main_lens.telecentric.is_some() && !other.has_steep_rays());
+    bench
+        .run(&format!("nominal {array} --microscope 1.1 --magnification 20 -o out"))
+        .refused("wanted a numerical aperture");
+    bench.run(&format!("nominal {array} --microscope 0.5 -o out")).refused("--magnification");
+}
+
 #[test]
 fn data_sheets_that_cannot_be() {
     let bench = workbench();

@@ -163,14 +163,23 @@ fn an_exact_pitch_gives_the_exit_pupil() {
 
         let line = bench.done("lattice white.exr -c nominal.json").stderr;
         assert!(line.contains("-0.40 % from the nominal 0.07700 mm: another array, or an exit pupil"), "{line}");
-        assert!(line.contains("give --keep-pitch: the pupil then stands at 50"), "{line}");
+        assert!(line.contains("give --keep-pitch: the pupil then stands 50"), "{line}");
 
-        // Images nearer to each other than the lenslets have no pupil.
+        // Images nearer to each other than lenslets of 0.08 mm have their pupil behind the array, here by 361 mm: no
+        // pupil stands as near as lenslets of 0.15 mm would need.
         truth.microlenses.pitch_mm = 0.08;
+        bench.write("wide.json", truth.to_json());
+        let done = bench.done("lattice white.exr -c wide.json --keep-pitch -v");
+        let camera = Camera::from_json(&String::from_utf8(done.stdout).unwrap()).unwrap();
+        let images_mm = 0.077 * (1.0 + 8.0 / 502.0);
+        let behind = camera.pupil_distance_mm();
+        assert!((behind / (8.0 / (images_mm / 0.08 - 1.0)) - 1.0).abs() < 2e-3 && behind < -350.0, "{behind}");
+        assert!(done.stderr.contains("mm behind the array"), "{}", done.stderr);
+        truth.microlenses.pitch_mm = 0.15;
         bench.write("wide.json", truth.to_json());
         bench
             .run("lattice white.exr -c wide.json --keep-pitch -o out")
-            .refused("px apart, of an array of exactly 14.5455 px");
+            .refused("px apart, of an array of exactly 27.2727 px");
         assert!(!bench.path("out").exists());
     }
 }

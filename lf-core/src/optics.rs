@@ -45,6 +45,14 @@
 //!   `alpha_l = r alpha / d` and `beta_l = beta / d`, where r = s_i / l and d = 1 + (r - 1) alpha. They take the places
 //!   of alpha and beta. In focus nothing changes on the array: d = 1. A ray that passes V and meets the array at y_m
 //!   has passed the lens at h = r V + (1 - r) y_m.
+//! - **Far pupil** (`main_lens.pupil_vergence_per_mm`, 1 / l). l may be infinite, or negative: behind the array. A
+//!   ray is then named not by its place in the pupil but by the slope V / L with which it would meet the middle of the
+//!   array, where L = s_i. So D = L / N_w and k = f_l / L as in the thin lens, and with e = L / l
+//!   `y_s = c + k (e y_m - V)`, `h = (s_i / L) V + (1 - s_i / l) y_m`. With e = 1 these are the equations above.
+//! - **Telecentric lens** (`main_lens.telecentric`). `y_m = -m Y + m Z t`, where t is the tangent of the ray's angle
+//!   before the lens in a medium of index n. By Abbe's sine condition the angle's sine is m V / (n L), so
+//!   `t = m V / sqrt((n L)^2 - (m V)^2)`, along V. Therefore beta = m at all depths. e = 0 unless the camera says where
+//!   the pupil is.
 //! - **Medium.** The ray bends at both faces of the window by Snell's law. Let q be its slope in the air before the
 //!   lens. Then `y_m = V (1 - s_i / f) + s_i q`. Without a medium q = (V - Y) / (s_o - Z), which gives the y_m above.
 //!   With an exit pupil, h takes the place of V.
@@ -70,6 +78,9 @@ const SNELL_STEPS: usize = 2;
 /// hundredth, so each step leaves a hundredth of the error or less.
 const PUPIL_STEPS: usize = 4;
 
+/// Smallest squared cosine of a ray before a telecentric lens; those of the stop are larger, see [`Camera::check`].
+const LEAST_COSINE2: f64 = 0.05;
+
 /// The rays of one camera.
 #[derive(Debug, Clone)]
 pub struct Optics {
@@ -77,11 +88,14 @@ pub struct Optics {
     pub image_distance_mm: f64,
     object_distance_mm: f64,
     focal_length_mm: f64,
-    /// l, the distance from the exit pupil to the array; s_i without an exit pupil.
-    pub pupil_distance_mm: f64,
-    /// r = s_i / l; None without an exit pupil.
-    pupil_ratio: Option<f64>,
-    /// k, the demagnification of the aperture under a lenslet: f_l / l, or g / l with a gap g.
+    /// L, at which a place in the stop is measured: l, or s_i without an exit pupil and with a far one.
+    pub stop_distance_mm: f64,
+    /// L / l: 1 unless the pupil is far.
+    pub pupil_ratio: f64,
+    /// None without an exit pupil.
+    lens_shares: Option<LensShares>,
+    telecentric: Option<TelecentricRays>,
+    /// k, the demagnification of the aperture under a lenslet: f_l / L, or g / L with a gap g.
     pub demagnification: f64,
     /// D / 2.
     pub half_aperture_mm: f64,
@@ -103,6 +117,54 @@ struct SensorPlane {
     gap_mm: f64,
     /// Growth of the gap per mm along x and y.
     slope: DVec2,
+}
+
+/// Where a ray meets the main lens: `h = stop V + (1 - array) y_m`.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct LensShares {
+    /// s_i / L.
+    pub(crate) stop: f64,
+    /// s_i / l.
+    pub(crate) array: f64,
+}
+
+/// The rays of a telecentric lens.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct TelecentricRays {
+    magnification: f64,
+    /// n L / m: the place in the stop of a ray that would run across the axis before the lens, mm.
+    across_mm: f64,
+    /// Whether rays are so steep that the sine condition shows.
+    is_steep: bool,
+}
+
+impl TelecentricRays {
+    fn new(camera: &Camera) -> Option<Self> {
+        let (magnification, index) = (camera.main_lens.magnification, camera.main_lens.telecentric?.index);
+        let across_mm = index * camera.stop_distance_mm() / magnification;
+        Some(Self { magnification, across_mm, is_steep: camera.has_steep_rays() })
+    }
+
+    /// Where the chief ray of a place, along the sensor's axes, meets the array, mm.
+    #[inline(always)]
+    pub(crate) fn chief_mm(&self, object_mm: DVec2) -> DVec2 {
+        -self.magnification * object_mm
+    }
+
+    /// Where a ray from depth `z_mm` meets the array, from its chief ray there, and how that changes with the place in
+    /// the stop along x and y.
+    #[inline(always)]
+    pub(crate) fn spread(&self, z_mm: f64, aperture_mm: DVec2) -> [DVec2; 2] {
+        let depth = self.magnification * z_mm;
+        if !self.is_steep {
+            return [depth / self.across_mm * aperture_mm, DVec2::splat(depth / self.across_mm)];
+        }
+        let (square, across2) = (aperture_mm * aperture_mm, self.across_mm * self.across_mm);
+        // A place beside the stop may stand for no ray; it gets a finite place.
+        let per_root = 1.0 / (across2 - square.x - square.y).max(LEAST_COSINE2 * across2).sqrt();
+        let growth = depth * per_root * (1.0 + square * (per_root * per_root));
+        [depth * per_root * aperture_mm, growth]
+    }
 }
 
 /// Straight rays from one depth: no medium, no distortion.
@@ -127,6 +189,12 @@ impl StraightRays {
     }
 }
 
+fn lens_shares(camera: &Camera) -> Option<LensShares> {
+    let has_pupil = camera.main_lens.pupil_distance_mm.is_some() || camera.main_lens.pupil_vergence_per_mm.is_some();
+    let stop = camera.image_distance_mm() / camera.stop_distance_mm();
+    has_pupil.then(|| LensShares { stop, array: stop * camera.pupil_ratio() })
+}
+
 impl Optics {
     /// The rays of a checked camera.
     pub fn new(camera: &Camera) -> Self {
@@ -134,8 +202,10 @@ impl Optics {
             image_distance_mm: camera.image_distance_mm(),
             object_distance_mm: camera.object_distance_mm(),
             focal_length_mm: camera.main_lens.focal_length_mm,
-            pupil_distance_mm: camera.pupil_distance_mm(),
-            pupil_ratio: camera.main_lens.pupil_distance_mm.map(|l| camera.image_distance_mm() / l),
+            stop_distance_mm: camera.stop_distance_mm(),
+            pupil_ratio: camera.pupil_ratio(),
+            lens_shares: lens_shares(camera),
+            telecentric: TelecentricRays::new(camera),
             demagnification: camera.demagnification(),
             half_aperture_mm: 0.5 * camera.aperture_mm(),
             aperture: camera.main_lens.aperture,
@@ -159,18 +229,28 @@ impl Optics {
         [beta, 1.0 - self.image_distance_mm / self.focal_length_mm + beta]
     }
 
+    /// beta and alpha in air, for paraxial rays.
+    #[inline]
+    fn paraxial(&self, z_mm: f64) -> [f64; 2] {
+        if let Some(rays) = &self.telecentric {
+            return [rays.magnification, rays.spread(z_mm, DVec2::ZERO)[1].x];
+        }
+        let [beta, alpha] = self.thin_lens(z_mm);
+        let Some(LensShares { stop, array }) = self.lens_shares else { return [beta, alpha] };
+        let away = 1.0 + (array - 1.0) * alpha;
+        [beta / away, stop * alpha / away]
+    }
+
     /// beta(Z), the local magnification in air. Z must lie before the main lens: Z < s_o.
     #[inline]
     pub fn beta(&self, z_mm: f64) -> f64 {
-        let [beta, alpha] = self.thin_lens(z_mm);
-        self.pupil_ratio.map_or(beta, |ratio| beta / (1.0 + (ratio - 1.0) * alpha))
+        self.paraxial(z_mm)[0]
     }
 
     /// alpha(Z), the spread on the array per length of the aperture in air. It is 0 at the focal plane.
     #[inline]
     pub fn alpha(&self, z_mm: f64) -> f64 {
-        let [_, alpha] = self.thin_lens(z_mm);
-        self.pupil_ratio.map_or(alpha, |ratio| ratio * alpha / (1.0 + (ratio - 1.0) * alpha))
+        self.paraxial(z_mm)[1]
     }
 
     /// The rays from depth Z without medium and distortion. Keep them where many points share a depth.
@@ -179,13 +259,19 @@ impl Optics {
         StraightRays { alpha: self.alpha(z_mm), beta: self.beta(z_mm) }
     }
 
-    /// The factors of x_m and c in `x_s = array_gain x_m + lenslet_gain c - k U`, for a sensor without tilt: k and 1,
-    /// or `k + 1 - g / f_l` and `g / f_l` with a gap g.
+    /// g / l: lenslet images lie by this share farther apart than lenslets.
+    #[inline]
+    pub fn image_growth(&self) -> f64 {
+        self.demagnification * self.pupil_ratio
+    }
+
+    /// The factors of x_m and c in `x_s = array_gain x_m + lenslet_gain c - k U`, for a sensor without tilt: f_l / l
+    /// and 1, or `g / l + 1 - g / f_l` and `g / f_l` with a gap g.
     #[inline]
     pub(crate) fn gains(&self) -> (f64, f64) {
-        self.sensor_plane.as_ref().map_or((self.demagnification, 1.0), |plane| {
+        self.sensor_plane.as_ref().map_or((self.image_growth(), 1.0), |plane| {
             let lenslet_gain = plane.gap_mm / plane.focal_length_mm;
-            (self.demagnification + 1.0 - lenslet_gain, lenslet_gain)
+            (self.image_growth() + 1.0 - lenslet_gain, lenslet_gain)
         })
     }
 
@@ -194,15 +280,21 @@ impl Optics {
         (1.0 - self.image_distance_mm / self.focal_length_mm, self.image_distance_mm)
     }
 
-    /// r = s_i / l; None without an exit pupil.
-    pub(crate) fn pupil_ratio(&self) -> Option<f64> {
-        self.pupil_ratio
+    /// The shares of stop and array in a ray's place on the lens; None without an exit pupil.
+    pub(crate) fn lens_shares(&self) -> Option<LensShares> {
+        self.lens_shares
     }
 
-    /// Whether the camera looks into a medium, which bends the rays.
+    /// The rays of a telecentric lens; None for a thin lens.
+    pub(crate) fn telecentric(&self) -> Option<TelecentricRays> {
+        self.telecentric
+    }
+
+    /// Whether a point's place on the array is not linear in the place in the stop: behind a medium, and for the steep
+    /// rays of a telecentric lens.
     #[inline]
-    pub(crate) fn has_medium(&self) -> bool {
-        self.medium.is_some()
+    pub(crate) fn bends_rays(&self) -> bool {
+        self.medium.is_some() || self.telecentric.is_some_and(|rays| rays.is_steep)
     }
 
     /// The microlens lattice.
@@ -253,13 +345,13 @@ impl Optics {
     #[inline(always)]
     pub fn slope_from_array(&self, array_mm: DVec2, aperture_mm: DVec2) -> DVec2 {
         let lens_mm = self.lens_mm(array_mm, aperture_mm);
-        (array_mm - aperture_mm) / self.pupil_distance_mm + lens_mm / self.focal_length_mm
+        (self.pupil_ratio * array_mm - aperture_mm) / self.stop_distance_mm + lens_mm / self.focal_length_mm
     }
 
     /// Where the ray that passes `aperture_mm` and meets the array at `array_mm` has met the main lens, mm.
     #[inline(always)]
     pub fn lens_mm(&self, array_mm: DVec2, aperture_mm: DVec2) -> DVec2 {
-        self.pupil_ratio.map_or(aperture_mm, |ratio| ratio * aperture_mm + (1.0 - ratio) * array_mm)
+        self.lens_shares.map_or(aperture_mm, |shares| shares.stop * aperture_mm + (1.0 - shares.array) * array_mm)
     }
 
     /// Where a ray that meets the lens at `lens_mm` meets the array behind a window, mm.
@@ -271,11 +363,11 @@ impl Optics {
 
     /// Where a ray that passes `aperture_mm` of an exit pupil meets the array.
     #[inline(never)]
-    fn array_from_pupil(&self, object_mm: DVec2, z_mm: f64, aperture_mm: DVec2, ratio: f64) -> DVec2 {
-        // Newton's method for h = r V + (1 - r) y_m(h); near the axis y_m changes by alpha h.
+    fn array_from_pupil(&self, object_mm: DVec2, z_mm: f64, aperture_mm: DVec2, shares: LensShares) -> DVec2 {
+        // Newton's method for h = (s_i / L) V + (1 - s_i / l) y_m(h); near the axis y_m changes by alpha h.
         let near = DVec2::new(1e-3, 0.0);
         let alpha = (self.array_from_lens(DVec2::ZERO, z_mm, near) - self.array_from_lens(DVec2::ZERO, z_mm, -near)).x;
-        let fall = 1.0 / (1.0 - (1.0 - ratio) * alpha / 2e-3);
+        let fall = 1.0 / (1.0 - (1.0 - shares.array) * alpha / 2e-3);
         let mut lens_mm = aperture_mm;
         for _ in 0..PUPIL_STEPS {
             let hit = self.array_from_lens(object_mm, z_mm, lens_mm);
@@ -290,7 +382,10 @@ impl Optics {
         let Some(Distortion { radial: [k1, k2, k3], tangential: [p1, p2] }) = &self.distortion else {
             return DVec2::ZERO;
         };
-        let t = self.slope(object_mm, z_mm, DVec2::ZERO);
+        let t = match &self.telecentric {
+            Some(rays) => rays.chief_mm(sensor_axes(object_mm)) / self.image_distance_mm,
+            None => self.slope(object_mm, z_mm, DVec2::ZERO),
+        };
         let r2 = t.length_squared();
         let both = 2.0 * t.x * t.y;
         let tangential = DVec2::new(p1 * both + p2 * (r2 + 2.0 * t.x * t.x), p1 * (r2 + 2.0 * t.y * t.y) + p2 * both);
@@ -300,10 +395,11 @@ impl Optics {
     /// Where a ray meets the array, mm.
     #[inline(always)]
     pub fn array_from_object(&self, object_mm: DVec2, z_mm: f64, aperture_mm: DVec2) -> DVec2 {
-        let hit = match (&self.medium, self.pupil_ratio) {
-            (None, _) => self.straight_rays(z_mm).array_mm(object_mm, aperture_mm),
-            (Some(_), None) => self.array_from_lens(object_mm, z_mm, aperture_mm),
-            (Some(_), Some(ratio)) => self.array_from_pupil(object_mm, z_mm, aperture_mm, ratio),
+        let hit = match (&self.medium, self.lens_shares, &self.telecentric) {
+            (_, _, Some(rays)) => rays.spread(z_mm, aperture_mm)[0] + rays.chief_mm(sensor_axes(object_mm)),
+            (None, _, None) => self.straight_rays(z_mm).array_mm(object_mm, aperture_mm),
+            (Some(_), None, None) => self.array_from_lens(object_mm, z_mm, aperture_mm),
+            (Some(_), Some(shares), None) => self.array_from_pupil(object_mm, z_mm, aperture_mm, shares),
         };
         hit + self.distortion_mm(object_mm, z_mm)
     }
@@ -319,9 +415,10 @@ impl Optics {
     #[inline(always)]
     pub fn sensor_through(&self, centre: DVec2, array_mm: DVec2, aperture_mm: DVec2) -> DVec2 {
         let Some(plane) = &self.sensor_plane else {
-            return centre + self.demagnification * (array_mm - aperture_mm);
+            return centre + self.demagnification * (self.pupil_ratio * array_mm - aperture_mm);
         };
-        let slope = (array_mm - aperture_mm) / self.pupil_distance_mm - (array_mm - centre) / plane.focal_length_mm;
+        let from_pupil = (self.pupil_ratio * array_mm - aperture_mm) / self.stop_distance_mm;
+        let slope = from_pupil - (array_mm - centre) / plane.focal_length_mm;
         let gap = (plane.gap_mm + plane.slope.dot(array_mm)) / (1.0 - plane.slope.dot(slope));
         array_mm + gap * slope
     }
@@ -387,7 +484,7 @@ impl Optics {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::camera::tests::seed;
+    use crate::camera::{Telecentric, tests::seed};
     use crate::lattice::Layout;
 
     fn with(change: impl Fn(&mut Camera)) -> Optics {
@@ -557,6 +654,85 @@ mod tests {
                 assert!((hit - slow).abs() < 1e-7, "{l} {y} {z} {v}: {hit} {slow}");
             }
         }
+    }
+
+    /// A lens of focal length f with its exit pupil at infinity or behind the array, against a trace step by step:
+    /// among the rays of the point, bisection finds the one with the slope that V stands for. Near pupils are those of
+    /// `pupil_distance_mm`, with V measured elsewhere.
+    #[test]
+    fn rays_through_a_far_pupil_are_those_of_a_slow_trace() {
+        for vergence in [0.0, -0.004, -0.0005, 0.002] {
+            for (f, m) in [(200.0, 1.0), (100.0, 2.5)] {
+                let mut camera = seed(20, Aperture::Circle, Layout::Square, 0.0);
+                (camera.main_lens.focal_length_mm, camera.main_lens.magnification) = (f, m);
+                camera.main_lens.pupil_vergence_per_mm = Some(vergence);
+                camera.check().unwrap();
+                let (optics, s_i) = (Optics::new(&camera), camera.image_distance_mm());
+                for (y, z, v) in [(0.0, 0.0, 20.0), (3.0, -5.0, 0.0), (-4.0, 7.0, -30.0), (2.0, 4.0, 11.0)] {
+                    let trace = |slope: f64| {
+                        let height = y + (camera.object_distance_mm() - z) * slope;
+                        let after = slope - height / f;
+                        let array = height + s_i * after;
+                        // The ray stands off by this slope from the one through the middle of the pupil.
+                        [array * vergence - after, array]
+                    };
+                    let (mut low, mut high) = (-1.0, 1.0);
+                    let rises = trace(high)[0] > trace(low)[0];
+                    for _ in 0..200 {
+                        let middle = 0.5 * (low + high);
+                        if (trace(middle)[0] < v / s_i) == rises { low = middle } else { high = middle }
+                    }
+                    let slow = trace(low)[1];
+                    let hit = optics.array_from_object(DVec2::new(0.0, y), z, DVec2::new(0.0, v)).y;
+                    assert!((hit - slow).abs() < 1e-9, "{vergence} {f} {m} {y} {z} {v}: {hit} {slow}");
+                    // A ray through the lenslet's centre goes on with its slope on the array.
+                    let place = optics.sensor_through(DVec2::new(0.0, hit), DVec2::new(0.0, hit), DVec2::new(0.0, v));
+                    let by_hand = hit + 0.308 * (hit * vergence - v / s_i);
+                    assert!((place.y - by_hand).abs() < 1e-12, "{place} {by_hand}");
+                }
+            }
+        }
+        // 1 over a distance is that distance: the same rays, with places in the stop measured at s_i.
+        let [near, same] = [(Some(250.0), None), (None, Some(1.0 / 250.0))].map(|(distance, vergence)| {
+            let mut camera = seed(20, Aperture::Circle, Layout::Square, 0.0);
+            (camera.main_lens.pupil_distance_mm, camera.main_lens.pupil_vergence_per_mm) = (distance, vergence);
+            Optics::new(&camera)
+        });
+        for share in [-1.0, 0.3] {
+            let (object, place) = (DVec2::new(2.0, -1.0), DVec2::new(share, 0.4));
+            let [a, b] = [&near, &same].map(|optics| {
+                let aperture = optics.half_aperture_mm * place;
+                let hit = optics.array_from_object(object, 4.0, aperture);
+                [hit, optics.sensor_from_array(hit, aperture)]
+            });
+            assert!(a[0].distance(b[0]) < 1e-12 && a[1].distance(b[1]) < 1e-12, "{a:?} {b:?}");
+        }
+    }
+
+    /// By hand: at 20 times and N_w = 20 the numerical aperture is 0.5. In water the rim's ray has the sine 0.5 /
+    /// 1.333; 0.1 mm from focus it meets the plane in focus 0.1 mm times the tangent off, and the array 20 times that.
+    #[test]
+    fn a_microscope_keeps_the_sine_condition() {
+        let mut camera = seed(20, Aperture::Circle, Layout::Square, 0.0);
+        camera.main_lens.focal_length_mm = 10.0;
+        (camera.main_lens.magnification, camera.main_lens.working_f_number) = (20.0, 20.0);
+        camera.main_lens.telecentric = Some(Telecentric { index: 1.333 });
+        camera.check().unwrap();
+        assert!(camera.has_steep_rays() && camera.image_growth() == 0.0);
+        let optics = Optics::new(&camera);
+        let sine = 0.5 / 1.333f64;
+        let by_hand = 20.0 * 0.1 * sine / (1.0 - sine * sine).sqrt();
+        let rim = DVec2::new(optics.half_aperture_mm, 0.0);
+        let hit = optics.array_from_object(DVec2::new(0.01, 0.0), 0.1, rim);
+        assert!((hit.x - 0.2 - by_hand).abs() < 1e-12 && hit.y == 0.0, "{hit} {by_hand}");
+        // The image of the stop under a lenslet is f_l / N_w wide, about the lenslet's centre.
+        let centre = DVec2::new(1.0, 0.5);
+        let place = optics.sensor_through(centre, hit, rim);
+        assert!((centre - place).distance(DVec2::new(0.308 / 40.0, 0.0)) < 1e-12, "{place}");
+        // Of a lens of small aperture nothing but the paraxial rays shows.
+        camera.main_lens.working_f_number = 400.0;
+        assert!(!camera.has_steep_rays());
+        assert_eq!((Optics::new(&camera).beta(0.3), camera.bends()), (20.0, None));
     }
 
     #[test]

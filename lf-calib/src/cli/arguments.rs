@@ -1,6 +1,6 @@
 //! The options of `lf-calib`.
 
-use super::parse::{aperture, layout, sensor_px, window};
+use super::parse::{aperture, layout, numerical_aperture, sensor_px, wavelength_nm, window};
 use clap::{Args, Parser, Subcommand};
 use lf_core::camera::{Aperture, Layout};
 use lf_core::cli::{self, Common, ImageOptions, MemoryLimit, length_mm};
@@ -32,18 +32,20 @@ pub enum Task {
     /// Prints camera.json, the start of every calibration, and says which depths the camera resolves, how large voxels
     /// should be and where a dot target should stand. Warns of parts that do not fit each other. Lengths take a unit,
     /// as 5.5um or 20cm; without one they are mm.
-    #[command(after_help = "Examples; the last is before a tank of water:
+    #[command(after_help = "Examples; the second is before a tank of water, the last a microscope:
   lf-calib nominal --sensor 6600x4400 --pixel 5.5um --f 200 --magnification 1 --f-number 4 \\
       --pitch 77um --lenslet-f 308um -o nominal.json
   lf-calib nominal --sensor 6600x4400 --pixel 5.5um --f 200 --magnification 0.95 --ring 4 \\
-      --pitch 77um --lenslet-f 600um --layout hexagonal --water -o nominal.json")]
+      --pitch 77um --lenslet-f 600um --layout hexagonal --water -o nominal.json
+  lf-calib nominal --sensor 1608x1208 --pixel 6.5um --microscope 0.5,1.33 --f 9 --tube-lens 200 \\
+      --pitch 125um --lenslet-f 2.5mm -o nominal.json")]
     Nominal(NominalArguments),
     /// Find the microlens lattice in white images
     ///
-    /// The images give the layout, pitch, rotation, offset and smooth departures of the lattice, and the working
-    /// f-number from the width of the lenslet images. The nominal camera gives the rest of the main lens, the microlens
-    /// focal length, the pixels and everything else in its file. Several offsets and rotations describe the same
-    /// lattice; the ones nearest to the nominal camera are written.
+    /// The images give the layout, pitch, rotation, offset and smooth departures of the lattice, the working f-number
+    /// from the width of the lenslet images, and the blur on the sensor from how soft their rims are. The nominal
+    /// camera gives the rest of the main lens, the microlens focal length, the pixels and everything else in its file.
+    /// Several offsets and rotations describe the same lattice; the ones nearest to the nominal camera are written.
     #[command(after_help = "Examples, in out/ after scripts/demo:
   lf-calib lattice white.exr -c nominal.json -o calibrated.json --plot lattice.svg
   lf-synth white scene/scene.json |
@@ -70,6 +72,17 @@ pub enum Task {
   lf-synth scene demo --set particles.per_lenslet=0.015 | lf-synth frames -o sparse
   lf-calib refine sparse/frame-*.exr -c sparse/camera.json --depth -5,5 -v -o refined.json")]
     Refine(RefineArguments),
+    /// Find the noise of the sensor from white and dark images (photon transfer)
+    ///
+    /// The variance of a pixel grows with its counts by the gain, counts for an electron; without light it is that of
+    /// the read noise. Two or more white images of the same light show the first, dark images the second. The camera
+    /// gets both as sensor_noise.
+    #[command(after_help = "Examples; the first three make the images of the last:
+  for n in 1 2; do lf-synth scene demo --set seed=$n | lf-synth white -o white-$n.exr; done
+  lf-synth scene demo | lf-synth dark -o dark.exr
+  lf-synth scene demo | lf-synth frames -o demo
+  lf-calib noise white-1.exr white-2.exr --dark dark.exr -c demo/camera.json -v")]
+    Noise(NoiseArguments),
     /// Per-pixel minimum, a low quantile or the mean of many frames, or a minimum about each frame
     ///
     /// Every page of a TIFF is a frame. Frames are read one at a time. Memory holds this frame, files that come through
@@ -103,19 +116,47 @@ pub struct NominalArguments {
     /// Distance between pixels
     #[arg(long, value_name = "LENGTH", value_parser = length_mm)]
     pub pixel: f64,
-    /// Focal length of the main lens
-    #[arg(long = "f", visible_alias = "focal-length", value_name = "LENGTH", value_parser = length_mm)]
-    pub focal_length: f64,
+    /// Focal length of the main lens, or of a microscope's objective
+    #[arg(
+        long = "f",
+        visible_alias = "focal-length",
+        value_name = "LENGTH",
+        value_parser = length_mm,
+        required_unless_present_any = ["telecentric", "microscope"]
+    )]
+    pub focal_length: Option<f64>,
     /// Size of the image on the microlenses over the size of the object in focus
-    #[arg(long, value_name = "M")]
-    pub magnification: f64,
+    #[arg(long, value_name = "M", required_unless_present = "tube_lens")]
+    pub magnification: Option<f64>,
     /// Working f-number: distance from the lens to the microlenses, over the diameter of the stop
-    #[arg(long, value_name = "N", required_unless_present = "ring")]
+    #[arg(long, value_name = "N", required_unless_present_any = ["ring", "microscope"])]
     pub f_number: Option<f64>,
     /// Instead of --f-number: the number on the lens's ring, which holds for objects far away. The working f-number is
     /// 1 + M times as large
-    #[arg(long, value_name = "N", conflicts_with = "f_number")]
+    #[arg(long, value_name = "N", conflicts_with_all = ["f_number", "telecentric", "microscope"])]
     pub ring: Option<f64>,
+    /// The lens is telecentric towards the object, which is in a medium of this index, 1 if none is given. --f may be
+    /// left out, because no ray depends on it
+    #[arg(long, value_name = "INDEX", num_args = 0..=1, default_missing_value = "1", conflicts_with = "water")]
+    pub telecentric: Option<f64>,
+    /// A microscope, by its numerical aperture and the index of what its objective is immersed in, 1 if none is given;
+    /// such as 0.5,1.33. It is telecentric, and has M / (2 NA) as its f-number
+    #[arg(
+        long,
+        value_name = "NA[,INDEX]",
+        value_parser = numerical_aperture,
+        conflicts_with_all = ["f_number", "telecentric", "water"]
+    )]
+    pub microscope: Option<[f64; 2]>,
+    /// With --microscope, instead of --magnification: focal length of the tube lens. M is this over --f
+    #[arg(
+        long,
+        value_name = "LENGTH",
+        value_parser = length_mm,
+        requires_all = ["microscope", "focal_length"],
+        conflicts_with = "magnification"
+    )]
+    pub tube_lens: Option<f64>,
     /// Shape of the stop
     #[arg(long, value_name = "SHAPE", default_value = "circle", value_parser = aperture())]
     pub aperture: Aperture,
@@ -125,6 +166,9 @@ pub struct NominalArguments {
     /// Focal length of the microlenses
     #[arg(long = "lenslet-f", visible_alias = "lenslet-focal-length", value_name = "LENGTH", value_parser = length_mm)]
     pub lenslet_focal_length: f64,
+    /// Wavelength of the light, nm, which diffracts at the rim of each lenslet
+    #[arg(long, value_name = "NM", value_parser = wavelength_nm)]
+    pub wavelength: Option<f64>,
     /// How the microlenses are packed
     #[arg(long, value_name = "LAYOUT", default_value = "square", value_parser = layout())]
     pub layout: Layout,
@@ -163,12 +207,17 @@ pub struct LatticeArguments {
     /// frames are divided by it. Give --dark too if the sensor counts without light
     #[arg(long, value_name = "FILE.exr")]
     pub vignetting: Option<PathBuf>,
+    /// Wavelength of the light, nm, which diffracts at the rim of each lenslet; instead of that in the nominal
+    /// camera
+    #[arg(long, value_name = "NM", value_parser = wavelength_nm)]
+    pub wavelength: Option<f64>,
     /// Keep the nominal working f-number although the lenslet images show another: the white images were taken with
     /// another stop than the frames
     #[arg(long)]
     pub keep_f_number: bool,
     /// Take the nominal pitch of the array as exact. The distance between lenslet images then gives the distance of the
-    /// main lens's exit pupil, which the camera gets as pupil_distance_mm
+    /// main lens's exit pupil, which the camera gets as pupil_distance_mm; if the pupil is at infinity or behind the
+    /// array, as 1 over that distance, pupil_vergence_per_mm
     #[arg(long)]
     pub keep_pitch: bool,
     /// Picture: the lattice over pieces of the image, departures and residuals over the frame
@@ -225,6 +274,24 @@ pub struct RefineArguments {
     #[command(flatten)]
     pub reading: ImageOptions,
     /// Corrected camera.json, - for standard output
+    #[arg(short, long, value_name = "FILE", default_value = "-")]
+    pub output: PathBuf,
+}
+
+#[derive(Args)]
+pub struct NoiseArguments {
+    /// Raw white images of the same light, two or more, also pages of a TIFF
+    #[arg(required = true)]
+    pub whites: Vec<PathBuf>,
+    /// Dark image of the same exposure; may be repeated, and two or more keep a pattern out of the noise
+    #[arg(long, value_name = "FILE", required = true)]
+    pub dark: Vec<PathBuf>,
+    /// Camera that gets the noise, camera.json
+    #[arg(short, long, value_name = "FILE")]
+    pub camera: PathBuf,
+    #[command(flatten)]
+    pub reading: ImageOptions,
+    /// Camera with the noise of its sensor, camera.json, - for standard output
     #[arg(short, long, value_name = "FILE", default_value = "-")]
     pub output: PathBuf,
 }

@@ -1,6 +1,6 @@
 //! The main lens in the messages of `lf-calib lattice`: f-number and exit pupil.
 
-use lf_calib::{Calibrated, Fill, PitchChange};
+use lf_calib::{Calibrated, Fill, PitchChange, Pupil};
 use lf_core::{Camera, Session};
 
 /// Warn from this relative difference on: of the measured f-number, and of the fill of the pitch.
@@ -58,28 +58,37 @@ pub fn report_fill(fill: Option<&Fill>, camera: &Camera, is_kept: bool, session:
 pub fn report_pitch(calibrated: &Calibrated, nominal: &Camera, session: &Session) {
     let PitchChange { share, is_notable, implied, pupil } = calibrated.pitch;
     if let Some(pupil) = pupil {
-        session.explain(format!(
-            "the exit pupil stands {:.1} +- {:.1} mm from the array, by the pitch of the lenslet images",
-            pupil.distance_mm, pupil.uncertainty_mm
-        ));
+        session.explain(format!("the exit pupil stands {}, by the pitch of the lenslet images", place(pupil)));
         return;
     }
     if !is_notable {
         return;
     }
     let remedy = match implied {
-        Some(implied) => format!(
-            "if the nominal pitch is exact, give --keep-pitch: the pupil then stands at {:.1} +- {:.1} mm",
-            implied.distance_mm, implied.uncertainty_mm
-        ),
+        Some(implied) => {
+            format!("if the nominal pitch is exact, give --keep-pitch: the pupil then stands {}", place(implied))
+        }
         None => "no place of the pupil explains it: check the nominal pitch and the size of a pixel".to_string(),
     };
     session.warn(format!(
         "the lenslets' pitch comes out as {:.5} mm, {:+.2} % from the nominal {:.5} mm: another array, or an exit pupil \
-         that is not {:.1} mm from the array; {remedy}",
+         that is not {}; {remedy}",
         calibrated.camera.microlenses.pitch_mm,
         100.0 * share,
         nominal.microlenses.pitch_mm,
-        nominal.pupil_distance_mm(),
+        match nominal.pupil_distance_mm() {
+            mm if mm.is_finite() => format!("{mm:.1} mm from the array"),
+            _ => "at infinity".to_string(),
+        }
     ));
+}
+
+/// Where an exit pupil stands, with its uncertainty.
+fn place(pupil: Pupil) -> String {
+    let [vergence, uncertainty] = pupil.vergence_per_mm;
+    if vergence.abs() <= uncertainty {
+        return format!("farther than {:.0} mm from the array", 1.0 / (vergence.abs() + uncertainty));
+    }
+    let side = if vergence < 0.0 { "behind" } else { "from" };
+    format!("{:.1} +- {:.1} mm {side} the array", pupil.distance_mm.abs(), pupil.uncertainty_mm)
 }

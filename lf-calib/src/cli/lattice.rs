@@ -1,10 +1,10 @@
 //! `lf-calib lattice`: white images and a nominal camera in, a camera with its microlenses out.
 
 use super::{arguments::LatticeArguments, files::path_from_camera, files::with_history};
-use super::{fill::report_fill, fill::report_pitch};
+use super::{blur::report_blur, blur::set_blur, fill::report_fill, fill::report_pitch};
 use lf_calib::{
     Calibrated, ImageLattice, Keep, LATTICE_STEPS, MeanImage, calibrate, check_saturation, find_lattice, flat_field,
-    plot,
+    plot, rim_blur,
 };
 use lf_core::{Camera, Error, Refusal, Result, Session, Verdict, image, io};
 use lf_plot::Drawing;
@@ -18,7 +18,12 @@ const NOTABLE_CLIPPED: f64 = 0.005;
 
 pub fn lattice(arguments: &LatticeArguments, session: &mut Session) -> Result<Verdict> {
     check_files(arguments, session)?;
-    let nominal = Camera::open(&arguments.camera)?;
+    let mut nominal = Camera::open(&arguments.camera)?;
+    if let Some(nm) = arguments.wavelength {
+        nominal.blur.get_or_insert_default().wavelength_nm = Some(nm);
+        nominal.check().map_err(|refusal| refusal.about("--wavelength"))?;
+    }
+    let nominal = nominal;
     session.explain(format!("nominal camera: {}", nominal.about()));
     let subject = match arguments.whites.as_slice() {
         [path] => io::name(path),
@@ -34,6 +39,10 @@ pub fn lattice(arguments: &LatticeArguments, session: &mut Session) -> Result<Ve
     let mut calibrated =
         calibrate(&lattice, &nominal, Keep { f_number: arguments.keep_f_number, pitch: arguments.keep_pitch })
             .map_err(refused)?;
+    let blur = session.phase("blur", |_| Ok(rim_blur(&white, &calibrated.camera_of_white(), &lattice)))?;
+    if let Some(blur) = blur {
+        set_blur(&mut calibrated.camera, blur);
+    }
 
     // Compute everything before the first file is written.
     let none = || Refusal::new("no pixel is well lit by the nominal f-number", "wanted a white image of this camera");
@@ -46,6 +55,7 @@ pub fn lattice(arguments: &LatticeArguments, session: &mut Session) -> Result<Ve
     session.phase("write", |session| save(arguments, &calibrated, flat_pixels.as_ref(), picture.as_ref(), session))?;
     // If a file cannot be written, its error is the only line.
     report(&lattice, &calibrated, &nominal, arguments.keep_f_number, session);
+    report_blur(blur, &calibrated.camera, session);
     Ok(Verdict::Done)
 }
 

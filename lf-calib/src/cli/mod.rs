@@ -4,11 +4,13 @@
 
 mod arguments;
 mod background;
+mod blur;
 mod files;
 mod fill;
 mod frame;
 mod lattice;
 mod main_lens;
+mod noise;
 mod nominal;
 mod parse;
 mod refine;

@@ -31,16 +31,23 @@ pub fn nominal(arguments: &NominalArguments, session: &mut Session) -> Result<Ve
 }
 
 fn data_sheet(arguments: &NominalArguments) -> DataSheet {
-    let NominalArguments { magnification, f_number, ring, .. } = *arguments;
-    // clap requires one of the two.
-    let of_ring = || ring.unwrap_or(f64::NAN) * (1.0 + magnification);
+    let NominalArguments { f_number, ring, microscope, tube_lens, telecentric, .. } = *arguments;
+    // clap requires what is needed here.
+    let of_tube = || tube_lens.unwrap_or(f64::NAN) / arguments.focal_length.unwrap_or(f64::NAN);
+    let magnification = arguments.magnification.unwrap_or_else(of_tube);
+    let of_ring = ring.map(|ring| ring * (1.0 + magnification));
+    let of_sine = microscope.map(|[aperture, _]| magnification / (2.0 * aperture));
+    // No ray of a telecentric lens depends on its focal length.
+    let usual_focal = if microscope.is_some() { TUBE_LENS_MM / magnification } else { TUBE_LENS_MM };
     DataSheet {
         sensor_px: arguments.sensor,
         pixel_mm: arguments.pixel,
-        focal_length_mm: arguments.focal_length,
+        focal_length_mm: arguments.focal_length.unwrap_or(usual_focal),
         magnification,
-        working_f_number: f_number.unwrap_or_else(of_ring),
+        working_f_number: f_number.or(of_ring).or(of_sine).unwrap_or(f64::NAN),
         aperture: arguments.aperture,
+        telecentric_index: telecentric.or(microscope.map(|[_, index]| index)),
+        wavelength_nm: arguments.wavelength,
         layout: arguments.layout,
         pitch_mm: arguments.pitch,
         lenslet_focal_length_mm: arguments.lenslet_focal_length,
@@ -62,7 +69,7 @@ fn exact(arguments: &NominalArguments) -> Result<Option<Liquid>> {
 /// The record in the camera's file: its depths, and the liquid that it stands in air for.
 fn record(arguments: &NominalArguments, advice: &Advice) -> serde_json::Value {
     let mut record = json!({
-        "useful_depth_mm": advice.useful_depth_mm.map(hundredths),
+        "useful_depth_mm": advice.useful_depth_mm.map(|depth| hundredths(depth, advice.useful_depth_mm)),
         "pixels_per_voxel": advice.pixels_per_voxel,
         "target_depths_mm": advice.target_mm,
         "target_spacing_mm": advice.dots_mm[0],
@@ -73,8 +80,19 @@ fn record(arguments: &NominalArguments, advice: &Advice) -> serde_json::Value {
     record
 }
 
-fn hundredths(value: f64) -> f64 {
-    (100.0 * value).round() / 100.0
+/// Useful depths below this are those of microscopes, mm: they are reported in um.
+const MICROSCOPIC_MM: f64 = 0.5;
+/// Focal length of a usual tube lens, mm.
+const TUBE_LENS_MM: f64 = 200.0;
+
+/// A depth rounded for a file or an option, mm: to hundredths, and to hundredths of a micrometre in a microscope.
+fn hundredths(value: f64, useful_mm: [f64; 2]) -> f64 {
+    let parts = if is_microscopic(useful_mm) { 1e5 } else { 1e2 };
+    (parts * value).round() / parts
+}
+
+fn is_microscopic([away, towards]: [f64; 2]) -> bool {
+    towards - away < 2.0 * MICROSCOPIC_MM
 }
 
 fn report(arguments: &NominalArguments, camera: &Camera, advice: &Advice, session: &Session) {
@@ -89,28 +107,33 @@ fn report(arguments: &NominalArguments, camera: &Camera, advice: &Advice, sessio
     } else if arguments.ring.is_some() {
         session.say(format!("working f-number {:.4}", lens.working_f_number));
     }
-    let [width, height] = camera.half_view_mm().map(|half| 2.0 * half);
+    if lens.telecentric.is_some() && arguments.f_number.is_none() {
+        session.say(format!("magnification {:.4}, working f-number {:.4}", lens.magnification, lens.working_f_number));
+    }
+    let (unit, per_mm) = if is_microscopic(advice.useful_depth_mm) { ("um", 1e3) } else { ("mm", 1.0) };
+    let [width, height] = camera.half_view_mm().map(|half| 2.0 * half * per_mm);
     session.say(format!(
-        "in focus the sensor sees {width:.1} x {height:.1} mm, a pixel {:.4} mm; lenslets are {:.2} px wide",
-        camera.pixel_in_focus_mm(),
+        "in focus the sensor sees {width:.1} x {height:.1} {unit}, a pixel {:.4} {unit}; lenslets are {:.2} px wide",
+        camera.pixel_in_focus_mm() * per_mm,
         camera.pitch_px()
     ));
-    let [away, towards] = advice.useful_depth_mm;
-    let blind = 0.5 * (advice.blind_depth_mm[1] - advice.blind_depth_mm[0]);
-    let [halfway, end] = advice.resolution_mm;
+    let [away_mm, towards_mm] = advice.useful_depth_mm;
+    let [away, towards] = advice.useful_depth_mm.map(|depth| depth * per_mm);
+    let blind = 0.5 * (advice.blind_depth_mm[1] - advice.blind_depth_mm[0]) * per_mm;
+    let [halfway, end] = advice.resolution_mm.map(|step| step * per_mm);
     session.say(format!(
-        "useful depth: z from {away:.1} to {towards:.1} mm, + towards the camera; within {blind:.2} mm of focus the image \
+        "useful depth: z from {away:.1} to {towards:.1} {unit}, + towards the camera; within {blind:.2} {unit} of focus the image \
          says little of depth"
     ));
     session.say(format!(
-        "depth resolution: {halfway:.2} mm halfway to the end of the useful depth, {end:.2} mm at its end"
+        "depth resolution: {halfway:.2} {unit} halfway to the end of the useful depth, {end:.2} {unit} at its end"
     ));
     let fine = advice.pixels_per_voxel;
     session.say(format!(
         "volume: lf-prune --pvr {} --depth {},{}; --pvr {} has an eighth of the voxels",
         list(&fine),
-        hundredths(away),
-        hundredths(towards),
+        hundredths(away_mm, advice.useful_depth_mm),
+        hundredths(towards_mm, advice.useful_depth_mm),
         list(&fine.map(|pixels| 2.0 * pixels))
     ));
     let near = advice.target_mm.iter().copied().filter(|z| *z > 0.0).fold(f64::INFINITY, f64::min);

@@ -2,7 +2,8 @@
 
 use super::arguments::{Arguments, Task};
 use super::{
-    background::background, frame::frame, lattice::lattice, main_lens::main_lens, nominal::nominal, refine::refine,
+    background::background, frame::frame, lattice::lattice, main_lens::main_lens, noise::noise, nominal::nominal,
+    refine::refine,
 };
 use lf_core::cli;
 use std::process::ExitCode;
@@ -16,6 +17,7 @@ pub fn run() -> ExitCode {
             Task::Lattice(arguments) => lattice(arguments, session),
             Task::Volume(arguments) => main_lens(arguments, session),
             Task::Refine(arguments) => refine(arguments, session),
+            Task::Noise(arguments) => noise(arguments, session),
             Task::Background(arguments) => background(arguments, session),
             Task::Frame(arguments) => frame(arguments, session),
         },

@@ -80,6 +80,7 @@ fn number_of(camera: &mut Camera, parameter: Parameter) -> Option<&mut f64> {
         P::FocalLength => &mut main_lens.focal_length_mm,
         P::Gap => microlenses.gap_mm.get_or_insert(gap_mm),
         P::Pupil => main_lens.pupil_distance_mm.get_or_insert(pupil_mm),
+        P::Vergence => main_lens.pupil_vergence_per_mm.get_or_insert(1.0 / pupil_mm),
         P::LatticeX => &mut microlenses.offset_mm[0],
         P::LatticeY => &mut microlenses.offset_mm[1],
         P::LatticeTurn => &mut microlenses.rotation_rad,

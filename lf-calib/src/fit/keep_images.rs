@@ -19,7 +19,7 @@ pub(crate) struct Drift {
 /// Moves the lenslets of `camera` so that their images are where `before` has them, moved by `drift`. The main lens,
 /// gap and tilt of `camera` are already set. Accurate to 1e-5 px.
 pub(crate) fn keep_images(camera: &mut Camera, before: &Camera, drift: Drift) {
-    let (k, k_before) = (camera.demagnification(), before.demagnification());
+    let (k, k_before) = (camera.image_growth(), before.image_growth());
     let turn = DVec2::from_angle(drift.turn_rad);
     // Without tilt, the images of a perfect lattice are a perfect lattice.
     let moved = |perfect: DVec2| (turn.rotate(perfect) * (1.0 + k_before) + drift.shift_mm) / (1.0 + k);

@@ -10,7 +10,8 @@ use lf_core::{Camera, Optics};
 
 /// Maps lenslet centres to image centres and back. The camera's own lattice plays no part.
 pub(crate) struct LensletImages {
-    pupil_distance_mm: f64,
+    stop_distance_mm: f64,
+    pupil_ratio: f64,
     gap_mm: f64,
     slope: DVec2,
     pixel_pitch_mm: f64,
@@ -20,7 +21,8 @@ pub(crate) struct LensletImages {
 impl LensletImages {
     pub fn new(camera: &Camera) -> Self {
         Self {
-            pupil_distance_mm: camera.pupil_distance_mm(),
+            stop_distance_mm: camera.stop_distance_mm(),
+            pupil_ratio: camera.pupil_ratio(),
             gap_mm: camera.gap_mm(),
             slope: camera.tilt.as_ref().map_or(DVec2::ZERO, |tilt| DVec2::new(tilt.x_rad.tan(), tilt.y_rad.tan())),
             pixel_pitch_mm: camera.sensor.pixel_pitch_mm,
@@ -35,19 +37,20 @@ impl LensletImages {
 
     /// Lenslet centre from its image centre, both mm from the sensor's middle.
     pub fn lenslet_from_image(&self, image_mm: DVec2) -> DVec2 {
-        let distance = self.pupil_distance_mm + self.gap_mm + self.slope.dot(image_mm);
-        image_mm * self.pupil_distance_mm / distance
+        let distance =
+            self.stop_distance_mm + self.pupil_ratio * self.gap_mm + self.pupil_ratio * self.slope.dot(image_mm);
+        image_mm * self.stop_distance_mm / distance
     }
 
     /// Image centre from the lenslet centre, both mm from the sensor's middle.
     pub fn image_from_lenslet(&self, lenslet_mm: DVec2) -> DVec2 {
-        let distance = self.pupil_distance_mm - self.slope.dot(lenslet_mm);
-        lenslet_mm * (self.pupil_distance_mm + self.gap_mm) / distance
+        let distance = self.stop_distance_mm - self.pupil_ratio * self.slope.dot(lenslet_mm);
+        lenslet_mm * (self.stop_distance_mm + self.pupil_ratio * self.gap_mm) / distance
     }
 
     /// Length on the array, mm, for one pixel between lenslet images, in the middle of the sensor.
     pub fn lenslet_mm_per_px(&self) -> f64 {
-        self.pixel_pitch_mm / (1.0 + self.gap_mm / self.pupil_distance_mm)
+        self.pixel_pitch_mm / (1.0 + self.gap_mm / self.stop_distance_mm * self.pupil_ratio)
     }
 }
 
@@ -74,7 +77,13 @@ mod tests {
         tilted.tilt = Some(Tilt { x_rad: 0.02, y_rad: -0.01 });
         let mut pupil = tilted.clone();
         pupil.main_lens.pupil_distance_mm = Some(610.0);
-        for camera in [plain, gap, tilted, pupil] {
+        let far = |vergence| {
+            let mut camera = tilted.clone();
+            camera.main_lens.pupil_vergence_per_mm = Some(vergence);
+            camera
+        };
+        let (infinite, behind) = (far(0.0), far(-0.002));
+        for camera in [plain, gap, tilted, pupil, infinite, behind] {
             let (places, optics) = (LensletImages::new(&camera), Optics::new(&camera));
             for (i, j) in [(0, 0), (19, -12), (-20, 3)] {
                 let centre = camera.lattice().centre_mm(i, j);

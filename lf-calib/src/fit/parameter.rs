@@ -37,6 +37,8 @@ parameters! {
     Gap "gap_mm",
     // Distance from the exit pupil to the array. Where images of lenslets are known, it gives where the lenslets are.
     Pupil "pupil_distance_mm",
+    // 1 over that distance, in its place for far pupils and telecentric lenses.
+    Vergence "pupil_vergence_per_mm",
     LatticeX "offset_x_mm",
     LatticeY "offset_y_mm",
     LatticeTurn "rotation_rad",
@@ -55,6 +57,7 @@ impl Parameter {
     /// Its unit in reports.
     pub fn unit(self) -> &'static str {
         match self.name() {
+            name if name.ends_with("_per_mm") => "1/mm",
             name if name.ends_with("_mm") => "mm",
             name if name.ends_with("_rad") => "rad",
             _ => "1",
@@ -73,6 +76,7 @@ impl Parameter {
             Self::FocalLength => 1e-3 * camera.main_lens.focal_length_mm,
             Self::Gap => 1e-3 * camera.gap_mm(),
             Self::Pupil => 1e-2 * camera.pupil_distance_mm(),
+            Self::Vergence => 1e-2 / camera.image_distance_mm(),
             Self::LatticeX | Self::LatticeY => 0.05 * camera.sensor.pixel_pitch_mm,
             Self::LatticeTurn => 1e-4,
             Self::TiltX | Self::TiltY => 1e-3,

@@ -1,6 +1,6 @@
 //! From the data sheets to a camera, also to one in air that stands for one before a liquid.
 
-use lf_core::camera::{Aperture, Layout, MainLens, Medium, Microlenses, Sensor};
+use lf_core::camera::{Aperture, Blur, Layout, MainLens, Medium, Microlenses, Sensor, Telecentric};
 use lf_core::{Camera, Refusal};
 
 /// A camera as data sheets describe it.
@@ -18,6 +18,10 @@ pub struct DataSheet {
     pub working_f_number: f64,
     /// Shape of the stop.
     pub aperture: Aperture,
+    /// Index of what a lens that is telecentric towards the object looks into; None for a thin lens.
+    pub telecentric_index: Option<f64>,
+    /// Wavelength of the light, nm; None if the lenslets do not diffract.
+    pub wavelength_nm: Option<f64>,
     /// How the lenslets are packed.
     pub layout: Layout,
     /// Distance between neighbouring lenslets, mm.
@@ -50,6 +54,8 @@ impl DataSheet {
                 working_f_number: self.working_f_number,
                 aperture: self.aperture,
                 pupil_distance_mm: None,
+                pupil_vergence_per_mm: None,
+                telecentric: self.telecentric_index.map(|index| Telecentric { index }),
             },
             microlenses: Microlenses {
                 layout: self.layout,
@@ -64,7 +70,8 @@ impl DataSheet {
             medium: None,
             centres: None,
             vignetting: None,
-            blur: None,
+            blur: self.wavelength_nm.map(|nm| Blur { sigma_px: 0.0, wavelength_nm: Some(nm) }),
+            sensor_noise: None,
             pose: None,
             calibration: None,
         };
@@ -90,6 +97,7 @@ pub fn in_air(camera: &Camera, index: f64) -> Camera {
     let grown = |length: f64| format!("{:.11e}", length * index).parse().unwrap_or(length * index);
     camera.main_lens.focal_length_mm = grown(camera.main_lens.focal_length_mm);
     camera.main_lens.pupil_distance_mm = camera.main_lens.pupil_distance_mm.map(grown);
+    camera.main_lens.pupil_vergence_per_mm = camera.main_lens.pupil_vergence_per_mm.map(|vergence| vergence / index);
     camera.main_lens.working_f_number = grown(camera.main_lens.working_f_number);
     camera.microlenses.focal_length_mm = grown(camera.microlenses.focal_length_mm);
     camera.microlenses.gap_mm = camera.microlenses.gap_mm.map(grown);
@@ -112,6 +120,8 @@ pub(crate) mod tests {
             magnification: 1.0,
             working_f_number: 4.0,
             aperture: Aperture::Circle,
+            telecentric_index: None,
+            wavelength_nm: None,
             layout: Layout::Square,
             pitch_mm: 0.077,
             lenslet_focal_length_mm: 0.308,

@@ -32,7 +32,7 @@ fn f_numbers(camera: &Camera) -> Option<String> {
     let what = if fill > 1.0 { "overlap" } else { "leave gaps" };
     let matched = lens.working_f_number * fill;
     let ring = lens.working_f_number * (1.0 + lens.magnification);
-    let remedy = if (matched / ring - 1.0).abs() < 2.0 * NOTABLE {
+    let remedy = if lens.telecentric.is_none() && (matched / ring - 1.0).abs() < 2.0 * NOTABLE {
         format!("if {} is the number on the lens's ring, give it with --ring", short(lens.working_f_number))
     } else {
         format!(

@@ -77,9 +77,11 @@ fn groups(nominal: &Camera) -> Vec<ParameterGroup> {
         is_first: after.is_none() && !matches!(parameters[0], P::Index | P::Window),
     };
     let measured = nominal.calibration.as_ref().is_some_and(|calibration| calibration.get("lattice").is_some());
+    let lens = &nominal.main_lens;
+    let is_far = lens.pupil_vergence_per_mm.is_some() || lens.telecentric.is_some() && lens.pupil_distance_mm.is_none();
     let mut groups = vec![
         one(&[P::Gap], None),
-        one(&[P::Pupil], None),
+        one(if is_far { &[P::Vergence] } else { &[P::Pupil] }, None),
         one(&[P::FocalLength], None),
         if measured { one(&[P::SkewX, P::SkewY], None) } else { one(&[P::LatticeX, P::LatticeY], None) },
         one(&[P::LatticeTurn], None),
@@ -89,6 +91,9 @@ fn groups(nominal: &Camera) -> Vec<ParameterGroup> {
         one(&[P::K3], Some(P::K2)),
         one(&[P::P1, P::P2], None),
     ];
+    if lens.telecentric.is_some() {
+        groups.retain(|group| group.parameters != [P::FocalLength]);
+    }
     if nominal.medium.is_some() {
         groups.push(one(&[P::Index], None));
         groups.push(one(&[P::Window], None));

@@ -82,7 +82,7 @@ pub fn calibrate(lattice: &ImageLattice, nominal: &Camera, keep: Keep) -> Result
     let pupil = if keep.pitch { Some(Pupil::of(lattice, nominal).checked(lattice, nominal)?) } else { None };
     let mut given = nominal.clone();
     if let Some(pupil) = pupil {
-        given.main_lens.pupil_distance_mm = Some(pupil.distance_mm);
+        pupil.put_into(&mut given);
     }
     let nominal = &given;
     let images = LensletImages::new(nominal);

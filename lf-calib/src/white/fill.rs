@@ -26,7 +26,7 @@ pub struct Fill {
 impl Fill {
     /// None if no disc (or square) follows the edge of the lenslet images.
     pub(super) fn of(lattice: &ImageLattice, camera: &Camera) -> Option<Self> {
-        let px_per_mm = (1.0 + camera.demagnification()) / camera.sensor.pixel_pitch_mm;
+        let px_per_mm = (1.0 + camera.image_growth()) / camera.sensor.pixel_pitch_mm;
         let measured = match camera.main_lens.aperture {
             Aperture::Circle => lattice.disc?,
             Aperture::Square => lattice.square?,

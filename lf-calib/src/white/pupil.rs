@@ -1,5 +1,6 @@
 //! The exit pupil by the pitch of the lenslet images: p (1 + k) for an array of pitch p, with k = g / l for a gap g and
-//! an exit pupil at the distance l. A white image shows the product alone; whoever knows p exactly learns l.
+//! an exit pupil at the distance l. A white image shows the product alone; whoever knows p exactly learns l. Images
+//! that are nearer to each other than the lenslets show a pupil behind the array.
 
 use super::image_lattice::ImageLattice;
 use lf_core::{Camera, Refusal};
@@ -8,16 +9,19 @@ use lf_core::{Camera, Refusal};
 /// number of standard uncertainties. Makers state the pitch of an array to a thousandth.
 const NOTABLE: f64 = 2e-3;
 const SIGMAS: f64 = 3.0;
-/// Largest k; see [`Camera::check`].
-const MOST_DEMAGNIFICATION: f64 = 0.5;
+/// Largest g / l, and largest image distance over l; see [`Camera::check`].
+const MOST_GROWTH: f64 = 0.5;
+const NEAREST: f64 = 10.0;
 
 /// The exit pupil that the pitch of the lenslet images shows if the array has its nominal pitch.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Pupil {
-    /// Distance to the array, mm. Negative or huge if no pupil before the array explains the pitch.
+    /// Distance to the array, mm. Negative behind the array.
     pub distance_mm: f64,
-    /// Standard uncertainty of the distance, mm.
+    /// Standard uncertainty of the distance, mm; it may be larger than the distance of a far pupil.
     pub uncertainty_mm: f64,
+    /// 1 over the distance, and its standard uncertainty, 1/mm.
+    pub vergence_per_mm: [f64; 2],
 }
 
 impl Pupil {
@@ -25,21 +29,39 @@ impl Pupil {
         let demagnification = lattice.pitch_px / nominal.pitch_px() - 1.0;
         let uncertainty = lattice.pitch_uncertainty_px / nominal.pitch_px();
         let distance_mm = nominal.gap_mm() / demagnification;
-        Self { distance_mm, uncertainty_mm: (distance_mm * uncertainty / demagnification).abs() }
+        Self {
+            distance_mm,
+            uncertainty_mm: (distance_mm * uncertainty / demagnification).abs(),
+            vergence_per_mm: [demagnification, uncertainty].map(|growth| growth / nominal.gap_mm()),
+        }
     }
 
-    /// Whether a pupil can stand there, and whether the image shows the distance at all.
+    /// Whether it is at infinity or behind the array, for all that the image tells.
+    pub fn is_far(&self) -> bool {
+        let [vergence, uncertainty] = self.vergence_per_mm;
+        vergence <= SIGMAS * uncertainty
+    }
+
+    /// Whether a pupil can stand there.
     pub(super) fn is_possible(&self, nominal: &Camera) -> bool {
-        let demagnification = nominal.gap_mm() / self.distance_mm;
-        demagnification > 0.0
-            && demagnification < MOST_DEMAGNIFICATION
-            && SIGMAS * self.uncertainty_mm < self.distance_mm
+        let [vergence, _] = self.vergence_per_mm;
+        let (growth, near) = (vergence * nominal.gap_mm(), vergence * nominal.image_distance_mm());
+        growth.abs() < MOST_GROWTH && near.abs() < NEAREST
+    }
+
+    /// Puts it into a camera: as 1 over its distance if it is far, or if the camera has it so.
+    pub(super) fn put_into(&self, camera: &mut Camera) {
+        let lens = &mut camera.main_lens;
+        let is_inverse = self.is_far() || lens.telecentric.is_some() || lens.pupil_vergence_per_mm.is_some();
+        lens.pupil_vergence_per_mm = is_inverse.then_some(self.vergence_per_mm[0]);
+        lens.pupil_distance_mm = (!is_inverse).then_some(self.distance_mm);
     }
 
     pub(super) fn checked(self, lattice: &ImageLattice, nominal: &Camera) -> Result<Self, Refusal> {
         let [images, lenslets] = [lattice.pitch_px, nominal.pitch_px()];
         let found = || format!("lenslet images {images:.4} px apart, of an array of exactly {lenslets:.4} px");
-        let wanted = "wanted images farther apart than lenslets, or no --keep-pitch";
+        let wanted =
+            "wanted an exit pupil farther from the array than a tenth of the image distance, or no --keep-pitch";
         Refusal::unless(self.is_possible(nominal), found, wanted).map(|()| self)
     }
 }
@@ -59,7 +81,7 @@ pub struct PitchChange {
 
 impl PitchChange {
     pub(super) fn of(lattice: &ImageLattice, nominal: &Camera, pupil: Option<Pupil>) -> Self {
-        let share = lattice.pitch_px / (nominal.pitch_px() * (1.0 + nominal.demagnification())) - 1.0;
+        let share = lattice.pitch_px / (nominal.pitch_px() * (1.0 + nominal.image_growth())) - 1.0;
         let uncertainty = lattice.pitch_uncertainty_px / lattice.pitch_px;
         Self {
             share,

@@ -19,6 +19,8 @@ pub fn camera(side: usize, layout: Layout, rotation_rad: f64, offset_mm: [f64; 2
         magnification: 1.0,
         working_f_number: 4.0,
         aperture: Aperture::Circle,
+        telecentric_index: None,
+        wavelength_nm: None,
         layout,
         pitch_mm: 0.077,
         lenslet_focal_length_mm: 0.308,

@@ -1,6 +1,6 @@
 //! The depths that a camera resolves, from its lengths alone.
 
-use super::model::Camera;
+use super::model::{Camera, Telecentric};
 
 /// Depth of a voxel over its width that suits the resolution: the paper's camera has light of one lenslet's width 56
 /// pixels from focus, and its voxels are 10 pixels deep and 1 wide.
@@ -13,8 +13,11 @@ impl Camera {
     pub fn depth_of_width_mm(&self, width_mm: f64) -> f64 {
         // From the spread by an exit pupil to that of the thin lens, the inverse of the equation in [`crate::optics`].
         let spread = width_mm / self.aperture_mm();
-        let ratio = self.image_distance_mm() / self.pupil_distance_mm();
-        let away = ratio - (ratio - 1.0) * spread;
+        if let Some(Telecentric { index }) = self.main_lens.telecentric {
+            return spread * self.stop_distance_mm() * index / self.main_lens.magnification.powi(2);
+        }
+        let ratio = self.image_distance_mm() / self.stop_distance_mm();
+        let away = ratio - (ratio * self.pupil_ratio() - 1.0) * spread;
         if away <= 0.0 {
             return f64::INFINITY.copysign(width_mm);
         }
@@ -39,10 +42,13 @@ impl Camera {
 
     /// The step in depth, mm, by which the outermost sub-images of a point at depth Z move apart by one pixel.
     pub fn depth_resolution_mm(&self, z_mm: f64) -> f64 {
+        let image_px = self.demagnification() * self.aperture_mm() / self.sensor.pixel_pitch_mm;
+        if self.main_lens.telecentric.is_some() {
+            return z_mm.abs() / image_px;
+        }
         let index = self.medium.as_ref().map_or(1.0, |medium| medium.index);
         let beta = self.image_distance_mm() / (self.object_distance_mm() - z_mm / index);
         let alpha = (beta - self.main_lens.magnification).abs();
-        let image_px = self.demagnification() * self.aperture_mm() / self.sensor.pixel_pitch_mm;
         alpha * self.image_distance_mm() * index / (image_px * beta * beta)
     }
 

@@ -1,6 +1,6 @@
 //! Derived from a camera's keys: lengths, effects that are modelled, whether the lattice follows the pixels.
 
-use super::model::{Aperture, Camera, Medium};
+use super::model::{Aperture, Camera, MainLens, Medium};
 use crate::lattice::{Lattice, Layout};
 
 /// Largest shift of a lenslet, px, by a rotation that still counts as none. Particle images are 0.6 px wide and more,
@@ -18,14 +18,30 @@ impl Camera {
         self.main_lens.focal_length_mm * (1.0 + 1.0 / self.main_lens.magnification)
     }
 
-    /// l, the distance from the exit pupil to the array, mm: s_i if the camera states none.
-    pub fn pupil_distance_mm(&self) -> f64 {
+    /// L, mm: a place U of the stop stands for light that meets the middle of the array with the slope U / L. It is
+    /// `pupil_distance_mm` if the camera has it, and s_i otherwise, wherever the exit pupil is.
+    pub fn stop_distance_mm(&self) -> f64 {
         self.main_lens.pupil_distance_mm.unwrap_or_else(|| self.image_distance_mm())
     }
 
-    /// D = l / N_w: diameter of a round exit pupil, side of a square one, mm.
+    /// L / l: 1 if the exit pupil stands at L, 0 if it is at infinity, negative if it is behind the array.
+    pub fn pupil_ratio(&self) -> f64 {
+        let MainLens { pupil_distance_mm, pupil_vergence_per_mm, telecentric, .. } = &self.main_lens;
+        match pupil_vergence_per_mm {
+            Some(vergence) => vergence * self.stop_distance_mm(),
+            None if telecentric.is_some() && pupil_distance_mm.is_none() => 0.0,
+            None => 1.0,
+        }
+    }
+
+    /// l, the distance from the exit pupil to the array, mm; infinite or negative for a far pupil.
+    pub fn pupil_distance_mm(&self) -> f64 {
+        self.stop_distance_mm() / self.pupil_ratio()
+    }
+
+    /// D = L / N_w: diameter of a round stop, side of a square one, mm, as seen at the distance L.
     pub fn aperture_mm(&self) -> f64 {
-        self.pupil_distance_mm() / self.main_lens.working_f_number
+        self.stop_distance_mm() / self.main_lens.working_f_number
     }
 
     /// Distance from the array to the sensor on the axis, mm.
@@ -33,9 +49,29 @@ impl Camera {
         self.microlenses.gap_mm.unwrap_or(self.microlenses.focal_length_mm)
     }
 
-    /// k = f_l / l: size of the aperture's image under a lenslet over the size of the aperture. A gap g replaces f_l.
+    /// k = f_l / L: size of the aperture's image under a lenslet over the size of the aperture. A gap g replaces f_l.
     pub fn demagnification(&self) -> f64 {
-        self.gap_mm() / self.pupil_distance_mm()
+        self.gap_mm() / self.stop_distance_mm()
+    }
+
+    /// f_l / l: lenslet images lie by this share farther apart than lenslets. A gap g replaces f_l.
+    pub fn image_growth(&self) -> f64 {
+        self.demagnification() * self.pupil_ratio()
+    }
+
+    /// Sine of the steepest ray before a telecentric lens, `m / (2 N_w)` over the index; 0 for a thin lens. Half the
+    /// diagonal counts for a square stop.
+    pub(super) fn steepest_sine(&self) -> f64 {
+        let MainLens { magnification, working_f_number, aperture, telecentric, .. } = self.main_lens;
+        let corner = if aperture == Aperture::Square { std::f64::consts::SQRT_2 } else { 1.0 };
+        telecentric.map_or(0.0, |lens| 0.5 * corner * magnification / (working_f_number * lens.index))
+    }
+
+    /// Whether the sine condition of a telecentric lens moves rays by more than [`ALIGNED_PX`] within a lenslet image.
+    pub fn has_steep_rays(&self) -> bool {
+        let sine = self.steepest_sine();
+        let radius_px = 0.5 * self.demagnification() * self.aperture_mm() / self.sensor.pixel_pitch_mm;
+        (1.0 / (1.0 - sine * sine).max(0.0).sqrt() - 1.0) * radius_px > ALIGNED_PX
     }
 
     /// Lenslet pitch in pixels.
@@ -71,16 +107,19 @@ impl Camera {
         pixels_per_voxel.map(|ratio| ratio * self.sensor.pixel_pitch_mm / self.main_lens.magnification)
     }
 
-    /// The optional blocks and whether the camera has them. The first four bend rays or defocus the lenslets.
-    fn optional_blocks(&self) -> [(&'static str, bool); 7] {
+    /// The optional blocks and whether the camera has them. The first five bend rays or defocus the lenslets.
+    fn optional_blocks(&self) -> [(&'static str, bool); 10] {
         [
             ("medium", self.medium.is_some()),
+            ("main_lens.telecentric", self.has_steep_rays()),
             ("tilt", self.tilt.is_some()),
             ("microlenses.gap_mm", self.microlenses.gap_mm.is_some()),
             ("distortion", self.distortion.is_some()),
             ("centres", self.centres.is_some()),
             ("vignetting", self.vignetting.is_some()),
             ("main_lens.pupil_distance_mm", self.main_lens.pupil_distance_mm.is_some()),
+            ("main_lens.pupil_vergence_per_mm", self.main_lens.pupil_vergence_per_mm.is_some()),
+            ("main_lens.telecentric", self.main_lens.telecentric.is_some() && !self.has_steep_rays()),
         ]
     }
 
@@ -91,7 +130,7 @@ impl Camera {
 
     /// The first block that bends rays or puts the sensor out of the lenslets' focus; None for a camera of thin lenses.
     pub fn bends(&self) -> Option<&'static str> {
-        self.optional_blocks()[..4].iter().find_map(|(name, given)| given.then_some(*name))
+        self.optional_blocks()[..5].iter().find_map(|(name, given)| given.then_some(*name))
     }
 
     /// The camera without the lattice's rotation; None if [`Camera::misalignment`] gives a reason.

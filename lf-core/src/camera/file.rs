@@ -1,6 +1,6 @@
 //! `camera.json` from and to text, and which of its values are refused.
 
-use super::model::{Blur, Camera, Distortion, Medium, Tilt};
+use super::model::{Blur, Camera, Distortion, Medium, SensorNoise, Telecentric, Tilt};
 use crate::{Error, Refusal, io, json};
 use std::path::{Path, PathBuf};
 
@@ -52,6 +52,9 @@ const MOST_TILT_RAD: f64 = 0.5;
 /// Largest k = f_l / l: the thin-lens equations hold for microlenses that are short beside the exit pupil's distance.
 const MOST_DEMAGNIFICATION: f64 = 0.5;
 
+/// Largest sine of a ray before a telecentric lens: the best oil objectives have 0.96.
+const MOST_SINE: f64 = 0.97;
+
 fn positive(key: &str, value: f64) -> Result<(), Refusal> {
     Refusal::unless(value.is_finite() && value > 0.0, || format!("{key} is {value}"), "wanted a positive number")
 }
@@ -73,6 +76,7 @@ impl Camera {
         positive("main_lens.magnification", self.main_lens.magnification)?;
         positive("main_lens.working_f_number", self.main_lens.working_f_number)?;
         self.main_lens.pupil_distance_mm.map_or(Ok(()), |mm| positive("main_lens.pupil_distance_mm", mm))?;
+        self.check_pupil()?;
         let (width, height) = (self.sensor.width, self.sensor.height);
         let fits = [width, height].iter().all(|side| (1..=MOST_PIXELS).contains(side));
         let wanted = format!("wanted 1 to {MOST_PIXELS} px a side");
@@ -95,14 +99,41 @@ impl Camera {
         if let Some(blur) = &self.blur {
             self.check_blur(blur)?;
         }
+        if let Some(SensorNoise { gain_counts, read_noise_counts }) = self.sensor_noise {
+            positive("sensor_noise.gain_counts", gain_counts)?;
+            positive("sensor_noise.read_noise_counts", read_noise_counts)?;
+        }
         if let Some(centres) = &self.centres {
             centres.check()?;
         }
         let found = || format!("microlens focal length {} mm", self.microlenses.focal_length_mm);
         let from =
             if self.main_lens.pupil_distance_mm.is_some() { "distance of the exit pupil" } else { "image distance" };
-        let wanted = format!("wanted less than half the {from} of {} mm", self.pupil_distance_mm());
+        let wanted = format!("wanted less than half the {from} of {} mm", self.stop_distance_mm());
         Refusal::unless(self.demagnification() < MOST_DEMAGNIFICATION, found, wanted)
+    }
+
+    /// Refuses an exit pupil that is given twice or stands near the array, and a telecentric lens that takes in light
+    /// from beside it.
+    fn check_pupil(&self) -> Result<(), Refusal> {
+        if let Some(vergence) = self.main_lens.pupil_vergence_per_mm {
+            finite("main_lens.pupil_vergence_per_mm", &[vergence])?;
+            let is_twice = self.main_lens.pupil_distance_mm.is_some();
+            let found = || "main_lens has 'pupil_distance_mm' and 'pupil_vergence_per_mm'";
+            Refusal::unless(!is_twice, found, "wanted one of the two")?;
+            let found = || format!("main_lens.pupil_vergence_per_mm is {vergence}");
+            let most = MOST_DEMAGNIFICATION / self.gap_mm();
+            let wanted = format!("wanted -{most:.4} to {most:.4}, half of 1 over the gap behind the array");
+            Refusal::unless(self.image_growth().abs() < MOST_DEMAGNIFICATION, found, wanted)?;
+        }
+        let Some(Telecentric { index }) = self.main_lens.telecentric else { return Ok(()) };
+        let found = || format!("main_lens.telecentric.index is {index}");
+        Refusal::unless((1.0..=4.0).contains(&index), found, "wanted 1 to 4")?;
+        let found = || "a telecentric lens and 'medium'";
+        Refusal::unless(self.medium.is_none(), found, "wanted the medium as main_lens.telecentric.index")?;
+        let (sine, number) = (self.steepest_sine(), self.main_lens.working_f_number);
+        let found = || format!("main_lens.working_f_number {number} asks for rays of sine {sine:.2} before the lens");
+        Refusal::unless(sine < MOST_SINE, found, format!("wanted a sine of at most {MOST_SINE}"))
     }
 
     /// Refuses a blur that is not finite, and one that is wider than a quarter of a lenslet.

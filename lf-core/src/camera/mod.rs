@@ -25,10 +25,12 @@
 //! | `f_l` | `microlenses.focal_length_mm` | |
 //! | `f`, `m` | `main_lens.focal_length_mm`, `main_lens.magnification` | |
 //! | `s_i`, `s_o` | | [`Camera::image_distance_mm`], [`Camera::object_distance_mm`] |
-//! | `l` | `main_lens.pupil_distance_mm`; s_i if absent | [`Camera::pupil_distance_mm`] |
+//! | `1 / l` | `main_lens.pupil_vergence_per_mm`, or 1 over `main_lens.pupil_distance_mm`; 1 / s_i if absent | |
+//! | `L` | | [`Camera::stop_distance_mm`] |
 //! | `N_w`, `D` | `main_lens.working_f_number` | [`Camera::aperture_mm`] |
 //! | `g` | `microlenses.gap_mm`; f_l if absent | [`Camera::gap_mm`] |
 //! | `k` | | [`Camera::demagnification`] |
+//! | `g / l` | | [`Camera::image_growth`] |
 //!
 //! ```
 //! # fn main() -> Result<(), lf_core::Refusal> {
@@ -55,7 +57,7 @@ mod pose;
 pub use crate::lattice::{Layout, Microlenses};
 pub use blur::Diffraction;
 pub use derived::ALIGNED_PX;
-pub use model::{Aperture, Blur, Camera, Distortion, MainLens, Medium, Sensor, Tilt};
+pub use model::{Aperture, Blur, Camera, Distortion, MainLens, Medium, Sensor, SensorNoise, Telecentric, Tilt};
 pub use pose::Pose;
 
 #[cfg(test)]

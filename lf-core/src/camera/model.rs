@@ -32,6 +32,9 @@ pub struct Camera {
     /// Blur of the image on the sensor; sharp if absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub blur: Option<Blur>,
+    /// Noise of a pixel; unknown if absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sensor_noise: Option<SensorNoise>,
     /// Measured departure of the lenslets from the perfect lattice; none if absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub centres: Option<Centres>,
@@ -77,6 +80,24 @@ pub struct MainLens {
     /// where light meets a lenslet; which planes are in focus is up to focal length and magnification.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub pupil_distance_mm: Option<f64>,
+    /// 1 over the distance from the exit pupil to the array, 1/mm, in place of that distance: 0 for a pupil at
+    /// infinity, negative for one behind the array.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub pupil_vergence_per_mm: Option<f64>,
+    /// A lens that is telecentric towards the object, like a microscope's; a thin lens if absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub telecentric: Option<Telecentric>,
+}
+
+/// A lens whose chief rays run parallel to the axis before it, so that the picture of a point does not grow with its
+/// depth. It keeps Abbe's sine condition. Its exit pupil is at infinity if the camera does not say where. No ray
+/// depends on its focal length.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Telecentric {
+    /// Index of refraction of what the object is in, up to the front lens; 1 if absent.
+    #[serde(default = "one")]
+    pub index: f64,
 }
 
 /// Shape of the main lens's stop. Its diameter or side is [`Camera::aperture_mm`].
@@ -140,6 +161,16 @@ pub struct Blur {
     /// Wavelength of the light, nm, which diffracts at the rim of each lenslet; absent, nothing diffracts.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub wavelength_nm: Option<f64>,
+}
+
+/// Noise of a pixel: its variance is `gain_counts * counts of light + read_noise_counts^2`.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SensorNoise {
+    /// Counts of an electron.
+    pub gain_counts: f64,
+    /// Standard deviation of a pixel without light, counts.
+    pub read_noise_counts: f64,
 }
 
 fn one() -> f64 {

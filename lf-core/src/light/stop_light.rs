@@ -55,7 +55,7 @@ mod tests {
         for (layout, turn) in [(Layout::Square, 0.0), (Layout::Square, 0.01), (Layout::Hexagonal, 0.003)] {
             let camera = seed(20, Aperture::Circle, layout, turn);
             let optics = Optics::new(&camera);
-            let k = camera.demagnification();
+            let k = camera.image_growth();
             let mut image = Array2::from_shape_fn((280, 280), |(row, column)| {
                 let place = optics.centre_mm(column as u32, row as u32);
                 let centre = optics.lattice().nearest_centre_mm(place / (1.0 + k));

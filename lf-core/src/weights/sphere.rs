@@ -35,7 +35,7 @@ impl Sphere {
         let cylinder = 0.5 * pitch;
         let reach_mm = cylinder + sphere;
         let share = |n: usize| inside(n as f64 / STEPS as f64 * reach_mm, sphere, cylinder) as f32;
-        let sections = camera.pitch_px() * (1.0 + camera.demagnification());
+        let sections = camera.pitch_px() * (1.0 + camera.image_growth());
         let stop = if camera.main_lens.aperture == Aperture::Circle { 0.25 * PI } else { 1.0 };
         let lenslets = PI * cylinder * cylinder / camera.lattice().cell_area_mm2();
         // The image of the aperture under a lenslet is k D wide.
@@ -59,8 +59,8 @@ impl Sphere {
             let [columns, rows] = self.pixels(alpha, chief, centre);
             for row in rows.filter(|row| wanted(*row)) {
                 for column in columns.clone() {
-                    // The line of sight of the pixel at s comes from U = c - (s - c) / k.
-                    let aperture = centre - (optics.centre_mm(column, row) - centre) / k;
+                    // The line of sight of the pixel at s comes from U = (L / l) c - (s - c) / k.
+                    let aperture = optics.pupil_ratio * centre - (optics.centre_mm(column, row) - centre) / k;
                     let distance = (chief + alpha * aperture - centre).length();
                     if optics.passes(aperture) && distance < self.reach_mm {
                         let step = (distance / self.reach_mm * STEPS as f64).round() as usize;
@@ -78,10 +78,12 @@ impl Sphere {
     fn pixels(&self, alpha: f64, chief: DVec2, centre: DVec2) -> [Range<u32>; 2] {
         let optics = &self.geometry.optics;
         let k = optics.demagnification;
-        let middle = centre * (1.0 + k);
+        let middle = centre * (1.0 + optics.image_growth());
         let (mut low, mut high) = (middle - self.half_image_mm, middle + self.half_image_mm);
         if alpha.abs() * optics.half_aperture_mm > self.reach_mm {
-            let at = |side: f64| centre + k * (centre - (centre - chief + side * self.reach_mm) / alpha);
+            let at = |side: f64| {
+                centre + k * (optics.pupil_ratio * centre - (centre - chief + side * self.reach_mm) / alpha)
+            };
             let (a, b) = (at(-1.0), at(1.0));
             low = low.max(a.min(b));
             high = high.min(a.max(b));

@@ -1,5 +1,5 @@
 use super::*;
-use crate::camera::{Aperture, Camera, Distortion, Medium, Tilt, tests::seed};
+use crate::camera::{Aperture, Camera, Distortion, Medium, Telecentric, Tilt, tests::seed};
 use crate::lattice::{Centres, Layout};
 use crate::{Grid, Optics};
 use glam::DVec2;
@@ -205,8 +205,11 @@ fn exact_weights_follow_every_block() {
     let distortion = Distortion { radial: [40_000.0, 0.0, 0.0], tangential: [20.0, -10.0] };
     let centres = Centres { radius_mm: 2.0, x_mm: vec![0.02, 0.01, 0.06, 0.0, 0.05], y_mm: vec![0.01; 5] };
     for (layout, rotation) in [(Layout::Square, 0.0), (Layout::Hexagonal, 0.003)] {
-        for name in ["gap", "tilt", "distortion", "centres", "medium", "all", "pupil", "pupil and medium"] {
-            let has = |block| name.contains(block) || name == "all" && block != "pupil";
+        for name in
+            ["gap", "tilt", "distortion", "centres", "medium", "all", "pupil", "pupil and medium", "far", "microscope"]
+        {
+            let is_pupil = |block: &str| ["pupil", "far", "microscope"].contains(&block);
+            let has = |block| name.contains(block) || name == "all" && !is_pupil(block);
             let mut camera = seed(40, Aperture::Circle, layout, rotation);
             camera.microlenses.gap_mm = has("gap").then_some(0.316);
             camera.tilt = has("tilt").then_some(Tilt { x_rad: 0.01, y_rad: -0.02 });
@@ -214,6 +217,11 @@ fn exact_weights_follow_every_block() {
             camera.centres = has("centres").then(|| centres.clone());
             camera.medium = has("medium").then(|| medium.clone());
             camera.main_lens.pupil_distance_mm = has("pupil").then_some(60.0);
+            camera.main_lens.pupil_vergence_per_mm = has("far").then_some(-0.02);
+            camera.main_lens.telecentric = has("microscope").then_some(Telecentric { index: 1.0 });
+            if has("microscope") {
+                (camera.main_lens.working_f_number, camera.microlenses.focal_length_mm) = (2.0, 0.154);
+            }
             camera.check().unwrap();
             for voxel in [[3, 5, 0], [25, 27, 10], [30, 20, 6], [40, 11, 17]] {
                 let basis = Basis::Blob { sigma_px: 0.7 };

@@ -19,6 +19,9 @@ impl SecondStop {
     pub(crate) fn check(&self, camera: &Camera) -> Result<(), Refusal> {
         let Self { distance_mm, diameter_mm } = *self;
         positive("second_stop.diameter_mm", diameter_mm)?;
+        if camera.main_lens.telecentric.is_some() {
+            return Err(wrong("second_stop stands by the main lens, and a telecentric lens has no place"));
+        }
         let object_mm = camera.object_distance_mm();
         let air_mm = camera.medium.as_ref().map_or(object_mm, |medium| medium.air_mm(object_mm));
         let low_mm = -camera.image_distance_mm();
@@ -36,7 +39,7 @@ impl SecondStop {
         let way = if self.distance_mm >= 0.0 {
             -self.distance_mm * optics.slope_from_array(array_mm, aperture_mm)
         } else {
-            self.distance_mm / optics.pupil_distance_mm * (aperture_mm - array_mm)
+            self.distance_mm / optics.stop_distance_mm * (aperture_mm - optics.pupil_ratio * array_mm)
         };
         4.0 * (optics.lens_mm(array_mm, aperture_mm) + way).length_squared() <= self.diameter_mm * self.diameter_mm
     }

@@ -104,6 +104,9 @@ fn check_depth(camera: &Camera, z_mm: f64) -> Result<(), String> {
         let beyond = || format!("{z_mm} mm, beyond the window's wet face at {face_mm} mm");
         return if z_mm < face_mm { Ok(()) } else { Err(beyond()) };
     }
+    if camera.main_lens.telecentric.is_some() {
+        return Ok(());
+    }
     let (focal, lens) = (camera.main_lens.focal_length_mm, camera.object_distance_mm());
     if lens - z_mm > focal {
         return Ok(());

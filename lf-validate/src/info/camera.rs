@@ -46,6 +46,19 @@ fn sensor_and_lens(about: &mut Description, camera: &Camera) {
     if let Some(pupil) = lens.pupil_distance_mm {
         about.line("exit pupil", format!("{} mm from the array", figures(pupil)));
     }
+    if let Some(vergence) = lens.pupil_vergence_per_mm {
+        let distance = figures(camera.pupil_distance_mm().abs());
+        let place = match vergence {
+            0.0 => "at infinity".to_string(),
+            behind if behind < 0.0 => format!("{distance} mm behind the array"),
+            _ => format!("{distance} mm from the array"),
+        };
+        about.line("exit pupil", place);
+    }
+    if let Some(telecentric) = lens.telecentric {
+        let index = figures(telecentric.index);
+        about.line("telecentric", format!("towards the object, in a medium of index {index}"));
+    }
     let number = figures(lens.working_f_number);
     about.line("aperture D", format!("{} mm, {stop}, working f-number {number}", figures(camera.aperture_mm())));
 }

@@ -78,7 +78,7 @@ fn lattice(camera: &Camera, corner: [usize; 2], side: usize) -> String {
     let (optics, lattice) = (Optics::new(camera), camera.lattice());
     let middle_px = DVec2::new(corner[0] as f64, corner[1] as f64) + 0.5 * side as f64;
     let half_sensor = DVec2::new(camera.sensor.width as f64, camera.sensor.height as f64) * 0.5;
-    let middle_mm = (middle_px - half_sensor) * camera.sensor.pixel_pitch_mm / (1.0 + camera.demagnification());
+    let middle_mm = (middle_px - half_sensor) * camera.sensor.pixel_pitch_mm / (1.0 + camera.image_growth());
     let (i, j) = lattice.lenslet_at(middle_mm);
     let reach = LENSLETS as i64;
     let radius = 0.5 * camera.demagnification() * camera.aperture_mm() / camera.sensor.pixel_pitch_mm;

@@ -1,4 +1,5 @@
-//! Weights of a camera whose rays bend: a medium before the lens, or a sensor that is not parallel to the array.
+//! Weights of a camera whose rays bend: a medium before the lens, the steep rays of a telecentric lens, or a sensor
+//! that is not parallel to the array.
 //!
 //! The aperture is cut into sections so small that the rays of one section run straight: the place on the array is
 //! linear in the place in the aperture, and so is the place on the sensor, lenslet by lenslet. A table gives the share

@@ -1,10 +1,11 @@
-//! Fast rays from one depth: Snell's law as a polynomial.
+//! Fast rays from one depth: Snell's law as a polynomial, or the closed form of a telecentric lens.
 //!
 //! Window and medium are symmetric about the axis. So the slope of a ray in the air before the lens is `g offset`,
 //! where g depends only on the length of the offset between the point and the place on the lens. A polynomial through
 //! a few exact rays gives g.
 
 use crate::Optics;
+use crate::optics::{LensShares, TelecentricRays};
 use glam::DVec2;
 
 /// Exact rays through which the polynomial passes: it is off by less than 1e-9 of g within 0.2 rad of the axis.
@@ -22,13 +23,14 @@ pub(super) struct SliceRays {
     by_lens: f64,
     by_slope: f64,
     pupil: Option<Pupil>,
+    /// The rays of a telecentric lens, and their depth, mm.
+    telecentric: Option<(TelecentricRays, f64)>,
 }
 
 /// An exit pupil that is not at the lens.
 #[derive(Debug, Clone, Copy)]
 struct Pupil {
-    /// Distance from the lens to the array over that from the pupil.
-    ratio: f64,
+    shares: LensShares,
     /// Newton's step for a miss of 1.
     fall: f64,
 }
@@ -46,8 +48,9 @@ impl SliceRays {
     /// The rays from depth `z_mm`, for points within `field_mm` of the axis.
     pub(super) fn new(optics: &Optics, z_mm: f64, field_mm: f64) -> Self {
         let stop = std::f64::consts::SQRT_2 * optics.half_aperture_mm;
-        let ratio = optics.pupil_ratio();
-        let lens = ratio.map_or(stop, |ratio| ratio * stop + (1.0 - ratio).abs() * (stop + optics.seen_mm().length()));
+        let shares = optics.lens_shares();
+        let beyond_mm = stop + optics.seen_mm().length();
+        let lens = shares.map_or(stop, |shares| shares.stop * stop + (1.0 - shares.array).abs() * beyond_mm);
         let farthest = (lens + field_mm).powi(2);
         let angle = |n: usize| (n as f64 + 0.5) * std::f64::consts::PI / TERMS as f64;
         let nodes = std::array::from_fn(|n| 0.5 * farthest * (1.0 + angle(n).cos()));
@@ -62,9 +65,10 @@ impl SliceRays {
             }
         }
         let (by_lens, by_slope) = optics.lens_gains();
-        let mut this = Self { nodes, terms, by_lens, by_slope, pupil: None };
+        let telecentric = optics.telecentric().map(|rays| (rays, z_mm));
+        let mut this = Self { nodes, terms, by_lens, by_slope, pupil: None, telecentric };
         let axial = this.through_lens(DVec2::ZERO, DVec2::ZERO).alpha.x;
-        this.pupil = ratio.map(|ratio| Pupil { ratio, fall: 1.0 / (1.0 - (1.0 - ratio) * axial) });
+        this.pupil = shares.map(|shares| Pupil { shares, fall: 1.0 / (1.0 - (1.0 - shares.array) * axial) });
         this
     }
 
@@ -72,14 +76,18 @@ impl SliceRays {
     /// distortion.
     #[inline(always)]
     pub(super) fn through(&self, object: DVec2, aperture: DVec2) -> ArrayHit {
-        let Some(Pupil { ratio, fall }) = self.pupil else { return self.through_lens(object, aperture) };
+        if let Some((rays, z_mm)) = &self.telecentric {
+            let [array, alpha] = rays.spread(*z_mm, aperture);
+            return ArrayHit { array: array + rays.chief_mm(object), alpha };
+        }
+        let Some(Pupil { shares, fall }) = self.pupil else { return self.through_lens(object, aperture) };
         let mut lens = aperture;
         for _ in 0..PUPIL_STEPS {
             let hit = self.through_lens(object, lens).array;
-            lens += fall * (ratio * aperture + (1.0 - ratio) * hit - lens);
+            lens += fall * (shares.stop * aperture + (1.0 - shares.array) * hit - lens);
         }
         let ArrayHit { array, alpha } = self.through_lens(object, lens);
-        ArrayHit { array, alpha: ratio * alpha / (DVec2::ONE - (1.0 - ratio) * alpha) }
+        ArrayHit { array, alpha: shares.stop * alpha / (DVec2::ONE - (1.0 - shares.array) * alpha) }
     }
 
     /// The ray of a point through a place on the lens.
@@ -102,7 +110,7 @@ impl SliceRays {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::camera::{Aperture, Medium, tests::seed};
+    use crate::camera::{Aperture, Medium, Telecentric, tests::seed};
     use crate::{Camera, frame::sensor_axes, lattice::Layout};
 
     fn check(change: impl Fn(&mut Camera)) {
@@ -140,6 +148,14 @@ mod tests {
         check(|camera| {
             tank(camera);
             camera.main_lens.pupil_distance_mm = Some(250.0);
+        });
+        check(|camera| {
+            tank(camera);
+            camera.main_lens.pupil_vergence_per_mm = Some(-0.002);
+        });
+        check(|camera| {
+            camera.main_lens.working_f_number = 2.0;
+            camera.main_lens.telecentric = Some(Telecentric { index: 1.0 });
         });
     }
 }

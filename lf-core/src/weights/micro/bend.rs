@@ -1,4 +1,5 @@
-//! Rays that a medium bends: how the place on the array departs from a straight line in the place in the stop.
+//! Rays that a medium or a telecentric lens bends: how the place on the array departs from a straight line in the place
+//! in the stop.
 //!
 //! A voxel's ray through U meets the array at `chief + alpha U + q(U)`. Over the stop q is a polynomial to the third
 //! power. It changes slowly over the field, so it is fitted to exact rays at a net of places.

@@ -104,11 +104,11 @@ impl Micro {
         let slices = vec![OnceLock::new(); geometry.grid.shape[2]];
         let array = LensletArray::new(&geometry.optics);
         // Straight rays on a lattice along x without distortion need no blocks.
-        let is_straight = !geometry.optics.has_medium()
+        let is_straight = !geometry.optics.bends_rays()
             && array.along.y.abs() < 1e-6 * array.along.x
             && geometry.optics.distortion_mm(DVec2::ONE, 0.0) == DVec2::ZERO;
         let block = if is_straight { 4096 } else { 96 };
-        let one_by_one = match geometry.optics.has_medium() || array.is_tilted() {
+        let one_by_one = match geometry.optics.bends_rays() || array.is_tilted() {
             true => OneByOne::Bent(Bent::new(geometry.clone())),
             false => OneByOne::Lenslets(Lenslets::new(geometry.clone())),
         };
@@ -142,7 +142,7 @@ impl Micro {
     /// How rays bend in a slice; None if they are straight.
     fn bend(&self, z: usize) -> Option<Arc<Bend>> {
         let bend = || Arc::new(Bend::new(&self.geometry, z));
-        self.geometry.optics.has_medium().then(|| self.bends[z].get_or_init(bend).clone())
+        self.geometry.optics.bends_rays().then(|| self.bends[z].get_or_init(bend).clone())
     }
 
     pub(super) fn slice(&self, z: usize) -> &SliceLight {

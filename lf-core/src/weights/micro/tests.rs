@@ -5,7 +5,7 @@ use super::narrow::Narrow;
 use super::walk::SliceBeam;
 use super::wanted::Wanted;
 use super::{Micro, images};
-use crate::camera::{Aperture, Camera, Distortion, Medium, Tilt, tests::seed};
+use crate::camera::{Aperture, Camera, Distortion, Medium, Telecentric, Tilt, tests::seed};
 use crate::lattice::{Centres, Layout};
 use crate::weights::{Basis, Model, RowSet, geometry::Geometry};
 use crate::{Grid, Optics};
@@ -125,6 +125,17 @@ fn blocks(stop: Aperture, layout: Layout) -> Vec<(&'static str, Camera)> {
             }),
         ),
         ("pupil", with(plain(), |camera| camera.main_lens.pupil_distance_mm = Some(150.0))),
+        ("behind", with(plain(), |camera| camera.main_lens.pupil_vergence_per_mm = Some(-0.002))),
+        ("telecentric", with(plain(), |camera| camera.main_lens.telecentric = Some(Telecentric { index: 4.0 }))),
+        (
+            "microscope",
+            with(plain(), |camera| {
+                camera.main_lens.working_f_number = 2.0;
+                camera.microlenses.focal_length_mm = 0.154;
+                camera.main_lens.telecentric = Some(Telecentric { index: 1.0 });
+                camera.main_lens.pupil_vergence_per_mm = Some(-0.001);
+            }),
+        ),
         ("gap", with(plain(), |camera| camera.microlenses.gap_mm = Some(0.316))),
         ("tilt", with(plain(), |camera| camera.tilt = Some(Tilt { x_rad: 0.002, y_rad: -0.001 }))),
         ("water", with(plain(), |camera| camera.medium = Some(TANK))),
@@ -155,7 +166,7 @@ fn most(name: &str, basis: Basis) -> f64 {
     of_rays
         + match name {
             "distorted" | "gap" | "tilt" | "turned far" => 0.02,
-            "water" => 0.055,
+            "water" | "microscope" => 0.055,
             "all" => 0.10,
             _ => 0.013,
         }

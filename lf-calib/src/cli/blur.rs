@@ -1,0 +1,39 @@
+//! The blur on the sensor: from the rims of lenslet images into the camera, and in the messages of `lf-calib lattice`.
+
+use lf_calib::RimBlur;
+use lf_core::{Camera, Session};
+
+/// A camera without a block for blur gets one if the blur is wider than this, px, and than this number of its standard
+/// uncertainties. Less changes no particle's place by a hundredth of what noise does.
+const LEAST_PX: f64 = 0.1;
+const SIGMAS: f64 = 3.0;
+
+/// Puts a measured blur into the camera, unless there is none to speak of and the camera has no block for it.
+pub fn set_blur(camera: &mut Camera, found: RimBlur) {
+    if camera.blur.is_none() && !is_notable(found) {
+        return;
+    }
+    camera.blur.get_or_insert_default().sigma_px = found.sigma_px;
+    if let Some(lattice) = camera.calibration.as_mut().and_then(|calibration| calibration.get_mut("lattice")) {
+        lattice["blur_sigma_px"] = found.sigma_px.into();
+        lattice["standard_uncertainty"]["blur_sigma_px"] = found.uncertainty_px.into();
+    }
+}
+
+fn is_notable(found: RimBlur) -> bool {
+    found.sigma_px > LEAST_PX.max(SIGMAS * found.uncertainty_px)
+}
+
+/// Reports the blur that the camera got, or why it got none.
+pub fn report_blur(found: Option<RimBlur>, camera: &Camera, session: &Session) {
+    let Some(found) = found else {
+        session.explain("the rims of the lenslet images do not tell how blurred they are: the nominal blur is kept");
+        return;
+    };
+    let RimBlur { sigma_px, uncertainty_px } = found;
+    let of_light = match camera.blur.and_then(|blur| blur.wavelength_nm) {
+        Some(nm) => format!("beyond diffraction at {nm:.0} nm"),
+        None => "diffraction included, because no --wavelength is given".to_string(),
+    };
+    session.explain(format!("blur on the sensor: sigma {sigma_px:.3} +- {uncertainty_px:.3} px, {of_light}"));
+}
