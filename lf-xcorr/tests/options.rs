@@ -171,12 +171,10 @@ fn the_method_follows_its_options() {
     };
     assert!(!said(&["--deform", "never"]).contains("deformed"));
     assert!(said(&["--deform", "always"]).contains("pass 2.1: deformed"));
-    assert!(said(&["--route", "transform"]).contains("by transforms (estimated"));
     assert!(!said(&["--repeats", "2"]).contains("pass 2.3"));
     assert!(said(&["--stall", "0", "--repeats", "9", "--smoothing", "0.5"]).contains("pass 2.2"));
     for (option, value) in [
         ("--deform", "sometimes"),
-        ("--route", "x"),
         ("--repeats", "0"),
         ("--repeats", "101"),
         ("--stall", "nan"),
@@ -185,6 +183,6 @@ fn the_method_follows_its_options() {
     ] {
         bench.refused(&["a.lfv", "b.lfv", "-o", "g.exr", "-q", &format!("{option}={value}")], &[&option[2..]]);
     }
-    let wide = ["--pass", "8,8,8:0.9:40,40,24", "--route", "direct"];
-    bench.refused(&[&["a.lfv", "b.lfv", "-o", "g.exr", "-q"], &wide[..]].concat(), &["GB", "transforms"]);
+    let wide = ["--pass", "8,8,8:0.9:40,40,24"];
+    bench.refused(&[&["a.lfv", "b.lfv", "-o", "g.exr", "-q"], &wide[..]].concat(), &["GB", "less overlap"]);
 }

@@ -1,12 +1,12 @@
 //! The arguments of lf-xcorr, and the options that they mean for a volume.
 
-use super::parse::{DEFORM, MaskSource, ROUTE, mask, one_of, range, seconds};
+use super::parse::{DEFORM, MaskSource, mask, one_of, range, seconds};
 use super::windows::Windows;
 use clap::Parser;
 use lf_core::cli::{Common, MemoryLimit};
 use lf_core::{Grid, field::Cut};
 use lf_plot::{FieldPicture, Scalar};
-use lf_xcorr::{Deform, Options, Route};
+use lf_xcorr::{Deform, Options};
 use std::path::{Path, PathBuf};
 
 /// Two sparse volumes to a velocity field
@@ -108,9 +108,6 @@ struct Method {
     /// last pass. Less smoothing follows steeper fields, with more noise
     #[arg(long, hide = true, value_name = "WINDOWS", default_value_t = Options::SMOOTHING)]
     smoothing: f64,
-    /// Sum products voxel by voxel, or by Fourier transforms; auto takes the faster way (see -v)
-    #[arg(long, hide = true, default_value = "auto", value_parser = one_of(ROUTE))]
-    route: Route,
     /// Voxels below this fraction of their volume's brightest are dark
     #[arg(long, hide = true, value_name = "SHARE", default_value_t = Options::FLOOR)]
     floor: f32,
@@ -152,14 +149,13 @@ impl Arguments {
 
     /// The options for a volume of `grid`, with the window that was chosen for the last pass if none is typed.
     pub fn options(&self, grid: &Grid, chosen: Option<[usize; 3]>) -> Options {
-        let Method { deform, repeats, stall, smoothing, route, floor } = self.method;
+        let Method { deform, repeats, stall, smoothing, floor } = self.method;
         Options {
             floor,
             deform,
             repeats: repeats.unwrap_or(Options::REPEATS),
             stall_vox: stall.unwrap_or(Options::STALL_VOX),
             smoothing,
-            route,
             ..Options::new(self.windows.passes(grid, chosen))
         }
     }

@@ -16,17 +16,6 @@ pub enum Deform {
     Never,
 }
 
-/// How products are summed.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Route {
-    /// The way that is estimated to be faster, pass by pass.
-    Auto,
-    /// Lit voxel by lit voxel; overlapping windows share sums.
-    Direct,
-    /// By Fourier transforms of each window.
-    Transform,
-}
-
 /// The options of a run.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Options {
@@ -44,8 +33,6 @@ pub struct Options {
     pub stall_vox: f64,
     /// Standard deviation, in windows, of the smoothing of the field that the next repeat or pass starts from.
     pub smoothing: f64,
-    /// How products are summed.
-    pub route: Route,
 }
 
 impl Options {
@@ -80,7 +67,6 @@ impl Options {
             repeats: Self::REPEATS,
             stall_vox: Self::STALL_VOX,
             smoothing: Self::SMOOTHING,
-            route: Route::Auto,
         }
     }
 
@@ -153,11 +139,10 @@ impl Options {
             (fits(search), beside("search", search), "wanted a search radius no larger than the volume"),
         ])?;
         let binned = self.passes[number].binned(shape, self.is_last(number));
-        let bytes = shared_sums::bytes(&binned.windows(), binned.pass.search, 1);
-        let found =
-            format!("search {} in windows {} takes {:.0} GB directly", triple(search), triple(window), bytes / 1e9);
-        let wanted = "wanted a shorter search, less overlap, a pass before it, or transforms";
-        first_refusal([(self.route != Route::Direct || bytes <= shared_sums::MAX_BYTES, found, wanted)])
+        let bytes = shared_sums::window_bytes(&binned.windows(), binned.pass.search);
+        let found = format!("search {} in windows {} takes {:.0} GB", triple(search), triple(window), bytes / 1e9);
+        let wanted = "wanted a shorter search, less overlap, or a pass before it";
+        first_refusal([(bytes <= shared_sums::MAX_BYTES, found, wanted)])
     }
 }
 
