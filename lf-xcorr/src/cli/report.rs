@@ -49,7 +49,7 @@ pub fn chosen_windows(seeding: &Seeding, options: &Options) -> String {
 
 /// Why the last pass was not repeated once more.
 fn end_line(pass: &PassReport, options: &Options) -> String {
-    let (times, stall_vox) = (pass.repeats.len(), options.stall_vox);
+    let (times, stall_vox) = (pass.repeats.len(), Options::STALL_VOX);
     let why = match pass.repeats.last() {
         _ if options.deform == Deform::Never => "without deformation no pass is repeated".to_owned(),
         Some(last) if last.change_vox < stall_vox => format!("vectors changed by less than {stall_vox} voxel"),

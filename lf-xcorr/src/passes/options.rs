@@ -29,10 +29,6 @@ pub struct Options {
     pub deform: Deform,
     /// The last pass is done at most this often, at least once.
     pub repeats: usize,
-    /// The last pass is repeated until the root mean square change of the vectors is below this, voxels.
-    pub stall_vox: f64,
-    /// Standard deviation, in windows, of the smoothing of the field that the next repeat or pass starts from.
-    pub smoothing: f64,
 }
 
 impl Options {
@@ -46,11 +42,13 @@ impl Options {
 
     /// Constant: three or four repeats follow every gradient that can be followed.
     pub const REPEATS: usize = 6;
-    /// Constant: repeats sharpen what the smoothed field holds, noise included. At 0.35 a wave of four windows is
+    /// Constant: standard deviation, in windows, of the smoothing of the field that the next repeat or pass starts from.
+    /// Repeats sharpen what the smoothed field holds, noise included. At 0.35 a wave of four windows is
     /// measured to 0.985 (0.90 without repeats) and noise grows by an eighth; at 0.5, 0.97 and by a fifteenth; at 0.25,
     /// 0.99 and by a quarter.
     pub const SMOOTHING: f64 = 0.35;
-    /// Constant: a change that no correlation of particle images resolves.
+    /// Constant: the last pass is repeated until the root mean square change of the vectors is below this, voxels. No
+    /// correlation of particle images resolves it.
     pub const STALL_VOX: f64 = 0.01;
 
     const MAX_REPEATS: usize = 100;
@@ -65,8 +63,6 @@ impl Options {
             median_test: MedianTest::default(),
             deform: Deform::Auto,
             repeats: Self::REPEATS,
-            stall_vox: Self::STALL_VOX,
-            smoothing: Self::SMOOTHING,
         }
     }
 
@@ -103,7 +99,7 @@ impl Options {
 
     /// Refuses the first number that does not fit a volume of `shape`.
     pub fn check(&self, shape: [usize; 3]) -> Result<(), Refused> {
-        let (floor, repeats, stall, smoothing) = (self.floor, self.repeats, self.stall_vox, self.smoothing);
+        let (floor, repeats) = (self.floor, self.repeats);
         let MedianTest { threshold, tolerance_vox } = &self.median_test;
         let can_pass = *threshold > 0.0 && tolerance_vox.iter().all(|tolerance| *tolerance > 0.0);
         first_refusal([
@@ -115,12 +111,6 @@ impl Options {
                 format!("{repeats} repeats of the last pass"),
                 "wanted 1 to 100",
             ),
-            (
-                (0.0..f64::INFINITY).contains(&stall),
-                format!("a stall of {stall} voxel"),
-                "wanted a number of 0 or more",
-            ),
-            ((0.0..=4.0).contains(&smoothing), format!("a smoothing of {smoothing} windows"), "wanted 0 to 4"),
         ])?;
         (0..self.passes.len()).try_for_each(|number| self.check_pass(number, shape))
     }

@@ -120,7 +120,7 @@ impl<'a> Repeats<'a> {
         // Constant: the pass does not converge if the change stays above this fraction of the one before.
         const NO_LESS: f64 = 0.9;
         let [.., before, last] = self.done.as_slice() else { return false };
-        last.change_vox < self.options.stall_vox || last.change_vox > NO_LESS * before.change_vox
+        last.change_vox < Options::STALL_VOX || last.change_vox > NO_LESS * before.change_vox
     }
 
     /// The predicted change of each component across a window of `pass`, voxels.
