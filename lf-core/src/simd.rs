@@ -1,10 +1,5 @@
 //! The vector instructions of the machine, found at run time. Every choice of a vector width is made here.
 
-use std::sync::atomic::{AtomicU8, Ordering};
-
-/// The widest level that [`Level::detect`] may return.
-static WIDEST: AtomicU8 = AtomicU8::new(Level::Avx2Fma as u8);
-
 /// Vector instructions of a machine, the narrowest first.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Level {
@@ -17,25 +12,9 @@ pub enum Level {
 }
 
 impl Level {
-    /// The widest level of this machine, or the one that [`Level::at_most`] allows.
+    /// The widest level of this machine.
     #[inline]
     pub fn detect() -> Self {
-        let allowed = match WIDEST.load(Ordering::Relaxed) {
-            0 => Self::Portable,
-            1 => Self::Avx2,
-            _ => Self::Avx2Fma,
-        };
-        Self::of_machine().min(allowed)
-    }
-
-    /// Allows the process no wider level than this one: for benchmarks that compare levels. What exists already keeps
-    /// its level.
-    pub fn at_most(level: Self) {
-        WIDEST.store(level as u8, Ordering::Relaxed);
-    }
-
-    #[inline]
-    fn of_machine() -> Self {
         #[cfg(target_arch = "x86_64")]
         if is_x86_feature_detected!("avx2") {
             return if is_x86_feature_detected!("fma") { Self::Avx2Fma } else { Self::Avx2 };

@@ -21,7 +21,6 @@ mod options;
 mod plan;
 mod reconstruction;
 
-pub use operator::projector;
 pub use options::{Method, Options, Until};
 pub use plan::Plan;
 pub use reconstruction::{Ended, Reconstruction, Start, Sweep};

@@ -5,15 +5,15 @@ use lf_core::Tile;
 use lf_core::weights::{Basis, Model};
 
 /// How intensities are found.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 pub enum Method {
-    /// Ordered subsets of SMART with momentum: the default.
+    /// Ordered subsets of simultaneous MART, with momentum
     Subsets,
-    /// Simultaneous MART: all pixels at once.
+    /// Simultaneous MART
     Smart,
-    /// Maximum likelihood by expectation maximisation: SMART with the mean of ratios, not of logarithms.
+    /// Maximum likelihood by expectation maximisation
     Mlem,
-    /// The paper's row action.
+    /// The paper's row action: pixel after pixel, with stored weights
     Mart,
 }
 
@@ -45,9 +45,6 @@ pub struct Options {
     pub until: Until,
     /// Relaxation: the factor mu of the exponent.
     pub relaxation: f64,
-    /// Lower limit of a pixel's brightness, as a share of the image's brightest. It keeps logarithms finite, and keeps
-    /// one dark pixel among hundreds from extinguishing a voxel at once.
-    pub floor: f64,
     /// Largest factor by which one step changes a strength.
     pub clamp: f64,
     /// Limit of memory, bytes; a reconstruction that needs more is refused.

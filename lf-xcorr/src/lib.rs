@@ -15,10 +15,9 @@
 //! pass is repeated on volumes deformed by the known field, until the vectors stop changing.
 //!
 //! - Only lit voxels cost time, and each only once: windows that overlap share the sums of their common cells (after
-//!   Discetti & Astarita, Exp. Fluids, 2012). Where Fourier transforms of each window should be faster, they find
-//!   the peak, and direct sums measure its place.
-//! - Both windows move: each volume takes half of a trial shift, so a vector stands where it was measured. With direct
-//!   sums, exchanging the volumes negates the field exactly.
+//!   Discetti & Astarita, Exp. Fluids, 2012).
+//! - Both windows move: each volume takes half of a trial shift, so a vector stands where it was measured, and exchanging the
+//!   volumes negates the field exactly.
 //! - The correlation is zero-mean and normalised by the energy of the voxels that each shift pairs, so that window
 //!   edges, gain and long particles do not pull the peak. The fit is a three-dimensional Gaussian that may be tilted.
 //! - Deformation sends each lit voxel to the midpoint of the predicted displacement, spread with a quintic spline. The
@@ -54,9 +53,7 @@ mod vectors;
 mod volumes;
 
 pub use error::{Refused, Side};
-#[doc(hidden)]
-pub use passes::one_pass;
-pub use passes::{Choice, Counts, Deform, Options, Outcome, Pass, PassReport, Reason, Repeat, Route, triple};
+pub use passes::{Counts, Deform, Options, Outcome, Pass, PassReport, Repeat, triple};
 pub use plan::{Plan, correlate};
 pub use seeding::{Seeding, WANTED_PARTICLES, near_cube, sides_mm};
 pub use tracks::{Pair, Tracks, TracksReport, decide};

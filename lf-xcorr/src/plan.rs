@@ -1,7 +1,7 @@
 //! A correlation that has been checked and can be estimated and run.
 
 use crate::error::Refused;
-use crate::passes::{Options, Outcome, Pass, Route, memory, multigrid, triple};
+use crate::passes::{Options, Outcome, Pass, memory, multigrid, triple};
 use crate::volumes::{Mask, Sparse};
 use lf_core::Grid;
 
@@ -41,16 +41,8 @@ impl<'a> Plan<'a> {
     pub fn about(&self) -> String {
         let windows = |pass: &Pass| format!("{} voxels at overlap {}", triple(pass.window), pass.overlap);
         let windows: Vec<String> = self.options.passes.iter().map(windows).collect();
-        let sums = match self.options.route {
-            Route::Auto => "direct sums or transforms, the faster for each pass",
-            Route::Direct => "direct sums, as asked",
-            Route::Transform => "transforms, as asked",
-        };
         let gigabytes = 1e-9 * self.bytes() as f64;
-        format!(
-            "about {gigabytes:.2} GB of memory beside the volumes; windows of {}; {sums}",
-            windows.join(", then of ")
-        )
+        format!("about {gigabytes:.2} GB of memory beside the volumes; windows of {}", windows.join(", then of "))
     }
 
     /// Windows in all passes, repeats counted: the total that [`Plan::correlate`] counts up to.

@@ -151,7 +151,6 @@ fn bad_input_gets_one_line() {
         ("--window", "10,x,10"),
         ("--search", "99,1,1"),
         ("--floor", "1"),
-        ("--refine", "0,1,1"),
     ] {
         bench.refused(&["a.lfv", "b.lfv", "-o", "f.exr", "-q", &format!("{option}={value}")], &[&option[2..]]);
     }

@@ -2,7 +2,7 @@
 
 use crate::scene::{self, Volume};
 use lf_core::{Field, field::MEASURED};
-use lf_xcorr::{Mask, Options, Pass, Plan, Route, correlate};
+use lf_xcorr::{Mask, Options, Pass, Plan, correlate};
 
 const SHIFT: [f64; 3] = [1.3, -0.4, 0.6];
 
@@ -48,7 +48,7 @@ fn any_gain_gives_the_same_field() {
         let found = field(&scaled(&a, gain_a), &scaled(&b, gain_b));
         for i in 0..found.len() {
             assert_eq!(found.flag[i], usual.flag[i]);
-            assert!((found.u[i] - usual.u[i]).abs() < 1e-4, "{} {}", found.u[i], usual.u[i]);
+            assert!((found.u[i] - usual.u[i]).abs() < 4e-7, "{} {}", found.u[i], usual.u[i]);
             let same = (found.su[i] - usual.su[i]).abs() < 1e-3 * usual.su[i] || usual.su[i].is_nan();
             assert!(same, "{} {}", found.su[i], usual.su[i]);
         }
@@ -57,7 +57,7 @@ fn any_gain_gives_the_same_field() {
 
 #[test]
 fn small_and_large_particle_images_are_measured() {
-    for (sigma_vox, bias, rms) in [(0.3, 0.1, 0.15), (0.5, 0.015, 0.03), (1.5, 0.002, 0.004), (4.0, 0.005, 0.012)] {
+    for (sigma_vox, bias, rms) in [(0.3, 0.1, 0.15), (0.5, 0.015, 0.03), (1.5, 0.0008, 0.0028), (4.0, 0.004, 0.012)] {
         let [a, b] = cloud(10.0, sigma_vox);
         let found = error(&field(&a, &b));
         assert!(found[0] < bias && found[1] < rms && found[2] > 0.95, "{sigma_vox}: {found:?}");
@@ -66,7 +66,7 @@ fn small_and_large_particle_images_are_measured() {
 
 #[test]
 fn thousands_of_particles_in_a_window_are_measured() {
-    for (density, bias, rms) in [(300.0, 0.0015, 0.002), (3000.0, 0.003, 0.006)] {
+    for (density, bias, rms) in [(300.0, 0.0011, 0.0013), (3000.0, 0.0028, 0.006)] {
         let [a, b] = cloud(density, 0.8);
         let found = error(&field(&a, &b));
         assert!(found[0] < bias && found[1] < rms && found[2] > 0.99, "{density}: {found:?}");
@@ -104,12 +104,9 @@ fn an_even_ground_changes_little() {
         volume.indices.iter().zip(&volume.intensity).for_each(|(&i, value)| dense[i as usize] += value);
         Volume::from_dense(&volume.grid, &dense)
     };
-    for route in [Route::Direct, Route::Transform] {
-        let options = Options { route, ..options() };
-        let (a, b) = (grounded(&a), grounded(&b));
-        let found = error(&correlate(&a.sparse(), &b.sparse(), &options).unwrap().field);
-        assert!(found[0] < 0.025 && found[1] < 0.04 && found[2] > 0.95, "{route:?}: {found:?}");
-    }
+    let (a, b) = (grounded(&a), grounded(&b));
+    let found = error(&correlate(&a.sparse(), &b.sparse(), &options()).unwrap().field);
+    assert!(found[0] < 0.025 && found[1] < 0.04 && found[2] > 0.95, "{found:?}");
 }
 
 /// A displacement of more than half a window is found by a search of that size.
@@ -138,7 +135,7 @@ fn thin_volumes_with_a_displacement_along_the_thin_axis_are_measured() {
         assert!(measured.len() * 10 > field.len() * 9, "{thick}: {} of {}", measured.len(), field.len());
         let rms =
             (measured.iter().map(|&i| (field.u[i] as f64 - 1.3).powi(2)).sum::<f64>() / measured.len() as f64).sqrt();
-        assert!(rms < 0.1, "{thick}: {rms}");
+        assert!(rms < 0.026, "{thick}: {rms}");
         assert!(measured.iter().filter(|&&i| field.su[i].is_finite()).count() * 2 > measured.len(), "{thick}");
     }
 }

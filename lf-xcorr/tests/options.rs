@@ -82,12 +82,9 @@ fn an_option_without_effect_is_refused() {
     let bench = workbench();
     let one = ["--pass", "24,24,12:0.5:3,3,3"];
     for (more, option) in [
-        (&["--refine", "2,2,2"][..], "--refine"),
-        (&["--search", "2,2,2"], "--search"),
+        (&["--search", "2,2,2"][..], "--search"),
         (&["--overlap", "0.5"], "--overlap"),
         (&["--repeats", "3", "--deform", "never"], "--repeats"),
-        (&["--stall", "0.1", "--deform", "never"], "--stall"),
-        (&["--stall", "0.1", "--repeats", "1"], "--stall"),
     ] {
         bench.refused(&[&["a.lfv", "b.lfv", "-o", "f.exr"], &one[..], more].concat(), &[option, "changes nothing"]);
     }
@@ -171,20 +168,10 @@ fn the_method_follows_its_options() {
     };
     assert!(!said(&["--deform", "never"]).contains("deformed"));
     assert!(said(&["--deform", "always"]).contains("pass 2.1: deformed"));
-    assert!(said(&["--route", "transform"]).contains("by transforms (estimated"));
     assert!(!said(&["--repeats", "2"]).contains("pass 2.3"));
-    assert!(said(&["--stall", "0", "--repeats", "9", "--smoothing", "0.5"]).contains("pass 2.2"));
-    for (option, value) in [
-        ("--deform", "sometimes"),
-        ("--route", "x"),
-        ("--repeats", "0"),
-        ("--repeats", "101"),
-        ("--stall", "nan"),
-        ("--stall", "-1"),
-        ("--smoothing", "5"),
-    ] {
+    for (option, value) in [("--deform", "sometimes"), ("--repeats", "0"), ("--repeats", "101")] {
         bench.refused(&["a.lfv", "b.lfv", "-o", "g.exr", "-q", &format!("{option}={value}")], &[&option[2..]]);
     }
-    let wide = ["--pass", "8,8,8:0.9:40,40,24", "--route", "direct"];
-    bench.refused(&[&["a.lfv", "b.lfv", "-o", "g.exr", "-q"], &wide[..]].concat(), &["GB", "transforms"]);
+    let wide = ["--pass", "8,8,8:0.9:40,40,24"];
+    bench.refused(&[&["a.lfv", "b.lfv", "-o", "g.exr", "-q"], &wide[..]].concat(), &["GB", "less overlap"]);
 }

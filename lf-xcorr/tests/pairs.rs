@@ -121,7 +121,7 @@ fn tables_decide_the_field_and_leave_tracks() {
     assert!(one.w == four.w && one.su == four.su && one.w != plain.w);
     for i in (0..one.len()).filter(|&i| one.flag[i] == MEASURED) {
         let error = one.displacement_mm(i) - DVec3::new(0.13, -0.07, 0.2);
-        assert!(error.abs().max_element() < 1e-4, "{error}");
+        assert!(error.abs().max_element() < 4e-8, "{error}");
     }
     let tracks = particles::read(&bench.text("t.csv")).unwrap();
     let [first, second] = [0, 1].map(|frame| tracks.iter().filter(|track| track.frame == frame).count());

@@ -1,8 +1,8 @@
-//! Options beyond the usual: masks, several pairs, lists of passes, transforms.
+//! Options beyond the usual: masks, several pairs, lists of passes.
 
 use crate::scene::{self, Volume, Wear};
 use lf_core::{Field, field::MEASURED};
-use lf_xcorr::{Deform, Mask, Options, Outcome, Pass, Plan, Refused, Route, Side, Sparse, correlate};
+use lf_xcorr::{Deform, Mask, Options, Outcome, Pass, Plan, Refused, Side, Sparse, correlate};
 use std::sync::atomic::{AtomicU64, Ordering};
 
 const SHAPE: [usize; 3] = [72, 64, 48];
@@ -39,7 +39,7 @@ fn a_box_is_a_volume_of_its_own() {
     let [a, b] = cloud(1, 20.0, Wear::default());
     let sides = [20..72, 4..60, 0..48];
     let boxed = field(&[[a.sparse(), b.sparse()]], &Mask::Box(sides.clone()), &options());
-    assert!(rms(&boxed) < 0.02, "{}", rms(&boxed));
+    assert!(rms(&boxed) < 0.0035, "{}", rms(&boxed));
     assert_eq!(boxed.layout.origin_mm, [20.0 + 2.0 + 15.5, 4.0 + 15.5, 7.5]);
     // These voxels alone, in a smaller grid.
     let small = scene::grid([52, 56, 48]);
@@ -126,7 +126,7 @@ fn any_list_of_passes_is_done_one_after_the_other() {
     assert!(outcome.passes[..3].iter().all(|pass| pass.repeats.len() == 1));
     let repeats = &outcome.passes[3].repeats;
     assert!(repeats.len() > 1 && repeats.len() <= Options::REPEATS && repeats.last().unwrap().deformed);
-    assert!(rms(&outcome.field) < 0.03, "{}", rms(&outcome.field));
+    assert!(rms(&outcome.field) < 0.0027, "{}", rms(&outcome.field));
 }
 
 #[test]
@@ -138,27 +138,7 @@ fn one_pass_without_deformation_is_enough() {
     let repeats = &outcome.passes[0].repeats;
     assert!(repeats.len() == 1 && !repeats[0].deformed);
     assert!(outcome.field.su.iter().filter(|s| s.is_finite()).count() > outcome.field.len() / 2);
-    assert!(rms(&outcome.field) < 0.03, "{}", rms(&outcome.field));
-}
-
-/// Transforms find the peak and direct sums its place, so both give the same field.
-#[test]
-fn transforms_and_products_find_the_same_field() {
-    let [a, b] = cloud(6, 20.0, Wear::default());
-    let by = |route: Route| {
-        let options = Options { route, deform: Deform::Never, ..options() };
-        let outcome = correlate(&a.sparse(), &b.sparse(), &options).unwrap();
-        assert!(outcome.passes.iter().all(|pass| pass.repeats[0].choice.is_transform == (route == Route::Transform)));
-        outcome.field
-    };
-    let (direct, transform) = (by(Route::Direct), by(Route::Transform));
-    let differ =
-        |i: &usize| (direct.u[*i] - transform.u[*i]).abs() > 1e-5 || (direct.w[*i] - transform.w[*i]).abs() > 1e-5;
-    let count = (0..direct.len())
-        .filter(|i| direct.flag[*i] == MEASURED && transform.flag[*i] == MEASURED)
-        .filter(differ)
-        .count();
-    assert!(count * 50 < direct.len(), "{count} of {} vectors differ", direct.len());
+    assert!(rms(&outcome.field) < 0.0098, "{}", rms(&outcome.field));
 }
 
 /// Deformed windows follow a shear of 0.2 voxel per voxel; shifted windows do not.
@@ -176,7 +156,7 @@ fn deformation_follows_a_steep_gradient() {
         (measured.iter().map(square).sum::<f64>() / measured.len() as f64).sqrt()
     };
     let (auto, never) = (error(Deform::Auto), error(Deform::Never));
-    assert!(auto < 0.05 && auto < 0.2 * never, "{auto} {never}");
+    assert!(auto < 0.01 && auto < 0.2 * never, "{auto} {never}");
 }
 
 /// Three separate particles, one of them too faint to count.

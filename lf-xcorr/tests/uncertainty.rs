@@ -20,8 +20,13 @@ fn two_particles_by_hand() {
     let options = Options::coarse_to_fine([48, 40, 40], [48, 40, 40], 0.0, [4; 3], [3; 3]);
     let field = correlate(&volumes[0].sparse(), &volumes[1].sparse(), &options).unwrap().field;
     assert_eq!((field.len(), field.count[0]), (1, 2.0));
-    assert!((field.u[0] - 0.5).abs() < 0.005 && (field.su[0] - 0.15).abs() < 0.01, "{} {}", field.u[0], field.su[0]);
-    assert!(field.sv[0] < 0.005, "{}", field.sv[0]);
+    assert!(
+        (field.u[0] - 0.5).abs() < 0.0011 && (field.su[0] - 0.15).abs() < 0.00045,
+        "{} {}",
+        field.u[0],
+        field.su[0]
+    );
+    assert!(field.sv[0] < 0.0016, "{}", field.sv[0]);
 }
 
 #[test]
@@ -42,6 +47,6 @@ fn errors_of_windows_too_large_for_the_flow_are_stated() {
         let found = coverage(&cloud, |place| flow.at(place), 1..2);
         let share = 0.5 * (found.share[0] + found.share[1]);
         assert!((0.55..0.80).contains(&share), "{:?}", found.share);
-        assert!(found.error_vox[0] > 0.05, "{:?}", found.error_vox);
+        assert!(found.error_vox[0] > 0.075, "{:?}", found.error_vox);
     }
 }

@@ -1,6 +1,6 @@
 //! The options of lf-mart, their defaults and their checks.
 
-use super::preset::{self, BasisName, MethodName, WeightsName};
+use super::preset::{self, BasisName, WeightsName};
 use clap::Parser;
 use lf_core::cli::{self, Common, ImageOptions, Preset};
 use lf_core::weights::{Basis, Model, SECTIONS};
@@ -66,8 +66,8 @@ pub struct Arguments {
     #[arg(long, help_heading = MEMORY)]
     pub estimate: bool,
     /// How intensities are found
-    #[arg(long, value_enum, default_value_t = MethodName::Subsets, help_heading = EXPERIMENTS, hide = true)]
-    pub method: MethodName,
+    #[arg(long, value_enum, default_value_t = Method::Subsets, help_heading = EXPERIMENTS, hide = true)]
+    pub method: Method,
     /// How weights are computed
     #[arg(long, value_enum, default_value_t = WeightsName::Exact, help_heading = EXPERIMENTS, hide = true)]
     pub weights: WeightsName,
@@ -85,13 +85,6 @@ pub struct Arguments {
     /// Factor of the exponent; the paper uses 2 to 2.5 with mart [default: 1.5; with smart and mlem 1, with mart 2.5]
     #[arg(long, value_name = "MU", help_heading = EXPERIMENTS, hide = true)]
     pub relaxation: Option<f64>,
-    /// Brightness that dark pixels count with, as a share of the brightest, so that one dark pixel does not set a voxel
-    /// to zero at once
-    #[arg(long, value_name = "SHARE", default_value_t = 1e-4, help_heading = EXPERIMENTS, hide = true)]
-    pub floor: f64,
-    /// Largest factor by which the update of one subset changes an intensity [default: 20, with mart 1e6]
-    #[arg(long, value_name = "FACTOR", help_heading = EXPERIMENTS, hide = true)]
-    pub clamp: Option<f64>,
     #[command(flatten)]
     pub common: Common,
 }
@@ -118,11 +111,10 @@ impl Arguments {
     pub fn options(&self, tile: Option<Tile>, sigma: impl FnOnce() -> f64) -> Result<Options> {
         let basis = self.basis();
         self.check_together(basis)?;
-        let (method, iterations, relaxation, clamp) = match self.method {
-            MethodName::Subsets => (Method::Subsets, SWEEPS, 1.5, 20.0),
-            MethodName::Smart => (Method::Smart, 100, 1.0, 20.0),
-            MethodName::Mlem => (Method::Mlem, 100, 1.0, 20.0),
-            MethodName::Mart => (Method::Mart, 30, 2.5, 1e6),
+        let (iterations, relaxation, clamp) = match self.method {
+            Method::Subsets => (SWEEPS, 1.5, 20.0),
+            Method::Smart | Method::Mlem => (100, 1.0, 20.0),
+            Method::Mart => (30, 2.5, 1e6),
         };
         let iterations = self.preset.map_or(iterations, preset::iterations);
         let options = Options {
@@ -132,12 +124,11 @@ impl Arguments {
                 WeightsName::Sphere => Model::Sphere,
             },
             basis,
-            method,
+            method: self.method,
             iterations: self.iterations.unwrap_or(iterations),
             until: until_from(self.until.as_deref().unwrap_or("never"), sigma)?,
             relaxation: self.relaxation.unwrap_or(relaxation),
-            floor: self.floor,
-            clamp: self.clamp.unwrap_or(clamp),
+            clamp,
             max_bytes: (self.max_memory * 1e9) as u64,
             tile,
         };
@@ -157,7 +148,7 @@ impl Arguments {
             let found = format!("{sections} with other weights, which do not sample the aperture");
             return Err(Error::new("--sections", found, "wanted --weights drt"));
         }
-        if let (Some(preset), false) = (self.preset, self.method == MethodName::Subsets) {
+        if let (Some(preset), false) = (self.preset, self.method == Method::Subsets) {
             let found = format!("{} with another --method", cli::word(&preset));
             return Err(Error::new("--preset", found, "wanted --method subsets, which is its default"));
         }
@@ -171,8 +162,6 @@ impl Arguments {
             ("--sections", self.sections.unwrap_or(least) as f64, least as f64, most as f64),
             ("--relaxation", options.relaxation, 1e-6, 100.0),
             ("--iterations", options.iterations as f64, 1.0, 1e6),
-            ("--floor", options.floor, 1e-12, 0.1),
-            ("--clamp", options.clamp, 1.001, 1e6),
             ("--max-memory", self.max_memory, 1e-3, 1e6),
         ] {
             if !(least..=most).contains(&value) {

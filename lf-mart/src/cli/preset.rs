@@ -23,18 +23,6 @@ pub enum BasisName {
     Blob,
 }
 
-#[derive(Clone, Copy, PartialEq, ValueEnum)]
-pub enum MethodName {
-    /// Ordered subsets of simultaneous MART, with momentum
-    Subsets,
-    /// Simultaneous MART
-    Smart,
-    /// Maximum likelihood by expectation maximisation
-    Mlem,
-    /// The paper's row action: pixel after pixel, with stored weights
-    Mart,
-}
-
 /// The sweeps of a preset. Balanced and accurate have the default's; lf-prune makes accurate's voxels finer in depth.
 /// With fewer than fast's, the error of w is more than 1.3 times the default's on some cameras.
 pub fn iterations(preset: Preset) -> usize {

@@ -8,4 +8,6 @@ pub(crate) mod row_action;
 pub(crate) mod simultaneous;
 pub(crate) mod subsets;
 
+#[cfg(test)]
+pub(crate) use problem::DARK;
 pub(crate) use problem::Problem;

@@ -5,6 +5,10 @@ use crate::reconstruction::{Start, Sweep, stalls};
 use lf_core::Weights;
 use ndarray::Array2;
 
+/// Lower limit of a pixel's brightness, as a share of the image's brightest. It keeps logarithms finite, and keeps one
+/// dark pixel among hundreds from extinguishing a voxel at once.
+pub(crate) const DARK: f32 = 1e-4;
+
 /// Strengths stay below this, in units of the image's brightest pixel, so that sums over any image stay finite.
 pub(super) const GREATEST_STRENGTH: f32 = 1e20;
 

@@ -7,7 +7,7 @@
 //! The result depends on the order of the pixels, which the paper does not give. Here it is the order of the image:
 //! rows from the top, each from the left. The method needs the weights pixel by pixel, so they are stored.
 
-use super::problem::{GREATEST_STRENGTH, Misfit, Problem, Solved, change};
+use super::problem::{DARK, GREATEST_STRENGTH, Misfit, Problem, Solved, change};
 use crate::{operator::count_weights, reconstruction::Sweep};
 use lf_core::weights::{Aligned, Path, Piece, Scratch};
 use lf_core::{Refusal, Weights};
@@ -149,7 +149,6 @@ impl PixelWeights {
 
     fn sweep(&self, problem: &Problem, strengths: &mut [f32]) -> Misfit {
         let options = problem.options;
-        let dark = options.floor as f32;
         let (relaxation, greatest) = (options.relaxation as f32, options.clamp.ln() as f32);
         let mut misfit = Misfit::default();
         for (pixel, measured) in problem.image.iter().enumerate() {
@@ -161,7 +160,7 @@ impl PixelWeights {
             let projected: f32 = weights.iter().map(|w| w.weight * strengths[w.voxel as usize]).sum();
             misfit.add_pixel(*measured, projected);
             // Move the strengths of its voxels.
-            let ratio = relaxation * (measured.max(dark) / projected.max(dark)).ln();
+            let ratio = relaxation * (measured.max(DARK) / projected.max(DARK)).ln();
             for w in weights {
                 let strength = &mut strengths[w.voxel as usize];
                 let factor = (ratio * w.weight).clamp(-greatest, greatest).exp();

@@ -10,7 +10,7 @@
 //!
 //! [`subsets`] divides the image rows. Each subset moves all strengths once, so n subsets move them n times a sweep.
 
-use super::problem::{GREATEST_STRENGTH, Misfit, Problem, Solved, change};
+use super::problem::{DARK, GREATEST_STRENGTH, Misfit, Problem, Solved, change};
 use super::{dim_voxels::Neighbourhood, momentum::Momentum, subsets};
 use crate::operator::{Operator, Plane, keep};
 use crate::{options::Method, reconstruction::Sweep};
@@ -33,7 +33,6 @@ const DIM_WHERE_REMADE: f32 = 1e-2;
 /// Turns the projection, in a subset's rows, into what is projected back: ratios, or their logarithms.
 fn compare(problem: &Problem, rows: RowSet, plane: &mut Plane) -> Misfit {
     let (stride, width) = (plane.stride, problem.image.ncols());
-    let dark = problem.options.floor as f32;
     let is_mlem = problem.options.method == Method::Mlem;
     let lines = plane.values.par_chunks_mut(stride).enumerate().filter(|(row, _)| rows.holds(*row as u32));
     let by_row: Vec<Misfit> = lines
@@ -45,7 +44,7 @@ fn compare(problem: &Problem, rows: RowSet, plane: &mut Plane) -> Misfit {
                     *value = if is_mlem { 1.0 } else { 0.0 };
                 } else if *value > 0.0 {
                     misfit.add_pixel(pixel, *value);
-                    let ratio = pixel.max(dark) / value.max(dark);
+                    let ratio = pixel.max(DARK) / value.max(DARK);
                     *value = if is_mlem { ratio } else { ratio.ln() };
                 }
             }

@@ -110,6 +110,7 @@ pub(crate) struct DensePhase<'a> {
 
 impl<'a> DensePhase<'a> {
     /// Weights that are never kept.
+    #[cfg(test)]
     pub(crate) fn forever(weights: &'a Weights, subsets: usize) -> Self {
         Self { weights, indices: Vec::new(), subsets, limits: Limits::never() }
     }
@@ -160,11 +161,6 @@ impl<'a> Operator<'a> {
             Path::Micro(micro) => Self::Micro(Box::new(MicroWeights::new(micro, indices, subsets)), dense),
             _ => Self::Voxels(VoxelWeights::new(weights, indices, subsets, most_bytes)),
         }
-    }
-
-    /// Weights that are made at every use, for all rows at once.
-    pub(crate) fn remade(weights: &'a Weights, indices: &[u64]) -> Self {
-        Self::in_dense_phase(DensePhase::forever(weights, 1), indices, 0)
     }
 
     pub(crate) fn retain(&mut self, held: &[bool]) {

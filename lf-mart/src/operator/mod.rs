@@ -10,7 +10,6 @@ mod micro;
 mod plane;
 mod profile_sums;
 mod profiles;
-pub mod projector;
 mod row_buffer;
 mod stencils;
 mod stored;

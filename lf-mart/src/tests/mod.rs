@@ -11,7 +11,6 @@ use lf_core::{Camera, Grid, Refusal, Weights};
 use ndarray::{Array1, Array2};
 
 const SUBSETS: usize = 14;
-const FLOOR: f64 = 1e-4;
 
 fn camera(aperture: &str, layout: &str, rotation_rad: f64) -> Camera {
     let text = format!(
@@ -244,7 +243,6 @@ pub(crate) fn options(method: Method, iterations: usize) -> Options {
         iterations,
         until: Until::Never,
         relaxation,
-        floor: FLOOR,
         clamp,
         max_bytes: 1 << 30,
         tile: None,

@@ -1,7 +1,7 @@
 //! The methods written as their equations, on a dense matrix in f64.
 
-use super::FLOOR;
 use crate::Method;
+use crate::method::DARK;
 use ndarray::{Array1, Array2};
 
 /// SMART, its ordered subsets with momentum, and MLEM. Rows of the image have `width` pixels; rows of lenslets are
@@ -16,7 +16,7 @@ pub(super) fn simultaneous(
     relaxation: f64,
 ) -> Vec<f64> {
     let (pixels, count) = matrix.dim();
-    let dark = FLOOR * image.fold(0.0, |peak: f64, value| peak.max(*value));
+    let dark = f64::from(DARK) * image.fold(0.0, |peak: f64, value| peak.max(*value));
     let seen: Vec<f64> = (0..count).map(|j| matrix.column(j).sum()).collect();
     let subsets = if method == Method::Subsets { rows_px.round() as usize } else { 1 };
     let mut e = vec![image.sum() / count as f64; count];
@@ -67,7 +67,7 @@ pub(super) fn simultaneous(
 /// Eq. 1 of the paper.
 pub(super) fn mart(matrix: &Array2<f64>, image: &Array1<f64>, sweeps: usize, relaxation: f64) -> Vec<f64> {
     let (pixels, count) = matrix.dim();
-    let dark = FLOOR * image.fold(0.0, |peak: f64, value| peak.max(*value));
+    let dark = f64::from(DARK) * image.fold(0.0, |peak: f64, value| peak.max(*value));
     let mut e = vec![image.sum() / count as f64; count];
     for _ in 0..sweeps {
         for i in 0..pixels {

@@ -94,14 +94,6 @@ pub struct Arguments {
     /// Share of a voxel's pixels that may be darker than the threshold, with --score quantile
     #[arg(long, value_name = "SHARE", default_value_t = 0.1, help_heading = EXPERIMENTS, hide = true)]
     pub quantile: f64,
-    /// Lower limit of a pixel's brightness in a geometric mean, as a share of the brightest; with a lower limit dark
-    /// pixels rule out more voxels [default: a fiftieth of the threshold]
-    #[arg(long, value_name = "SHARE", help_heading = EXPERIMENTS, hide = true)]
-    pub dark: Option<f64>,
-    /// Upper limit of a pixel's brightness in a geometric mean, as a share of the brightest; a higher limit keeps more
-    /// voxels where particle images overlap [default: twice the threshold]
-    #[arg(long, value_name = "SHARE", help_heading = EXPERIMENTS, hide = true)]
-    pub bright: Option<f64>,
     /// Keep every voxel that can be seen: the baseline of plain MART, not a mode to recommend
     #[arg(long, help_heading = EXPERIMENTS, hide = true)]
     pub keep_all: bool,
@@ -109,7 +101,7 @@ pub struct Arguments {
     pub common: Common,
 }
 
-/// Smallest `--dark`: the logarithms of darker pixels do not add up in whole numbers.
+/// Smallest [`PruneOptions::dark`]: the logarithms of darker pixels do not add up in whole numbers.
 const LEAST_DARK: f64 = 1e-12;
 
 fn tile_number(text: &str) -> std::result::Result<[usize; 2], String> {
@@ -136,13 +128,8 @@ impl Arguments {
         self.depth.map_or(Ok(()), |depth| check_rising("--depth", &depth))?;
         self.bounds.map_or(Ok(()), |bounds| check_rising("--bounds", &bounds))?;
         check_share("--quantile", self.quantile)?;
-        for (option, typed) in [("--dark", self.dark), ("--bright", self.bright)] {
-            typed.map_or(Ok(()), |share| check_share(option, share))?;
-        }
         let halo = self.halo.unwrap_or(0.0);
         check("--halo", (0.0..=1e6).contains(&halo), || halo.to_string(), "wanted mm, 0 or more")?;
-        let dark = self.dark.unwrap_or(LEAST_DARK);
-        check("--dark", dark >= LEAST_DARK, || dark.to_string(), format!("wanted {LEAST_DARK} or more"))?;
         let sections = self.sections.unwrap_or(*SECTIONS.start());
         let wanted = format!("wanted {} to {}", SECTIONS.start(), SECTIONS.end());
         check("--sections", SECTIONS.contains(&sections), || sections.to_string(), wanted)?;
@@ -204,8 +191,8 @@ impl Arguments {
         PruneOptions {
             score: self.scored_by(),
             threshold,
-            dark: self.dark.unwrap_or(DARK_THRESHOLDS * threshold).max(LEAST_DARK),
-            bright: self.bright.unwrap_or(BRIGHT_THRESHOLDS * threshold).min(1.0),
+            dark: (DARK_THRESHOLDS * threshold).max(LEAST_DARK),
+            bright: (BRIGHT_THRESHOLDS * threshold).min(1.0),
             keep_all: self.keep_all,
             sections: self.sections,
         }

@@ -1,12 +1,12 @@
 //! The arguments of lf-xcorr, and the options that they mean for a volume.
 
-use super::parse::{DEFORM, MaskSource, ROUTE, mask, one_of, range, seconds};
+use super::parse::{DEFORM, MaskSource, mask, one_of, range, seconds};
 use super::windows::Windows;
 use clap::Parser;
 use lf_core::cli::{Common, MemoryLimit};
 use lf_core::{Grid, field::Cut};
 use lf_plot::{FieldPicture, Scalar};
-use lf_xcorr::{Deform, Options, Route};
+use lf_xcorr::{Deform, Options};
 use std::path::{Path, PathBuf};
 
 /// Two sparse volumes to a velocity field
@@ -101,16 +101,6 @@ struct Method {
     /// The last pass is done at most this often, earlier passes at most four times [default: 6]
     #[arg(long, hide = true, value_name = "N")]
     repeats: Option<usize>,
-    /// A pass is repeated until vectors change by less than this, voxels [default: 0.01]
-    #[arg(long, hide = true, value_name = "VOXELS")]
-    stall: Option<f64>,
-    /// Standard deviation, in windows, of the smoothing of the field that repeats start from; half of it before the
-    /// last pass. Less smoothing follows steeper fields, with more noise
-    #[arg(long, hide = true, value_name = "WINDOWS", default_value_t = Options::SMOOTHING)]
-    smoothing: f64,
-    /// Sum products voxel by voxel, or by Fourier transforms; auto takes the faster way (see -v)
-    #[arg(long, hide = true, default_value = "auto", value_parser = one_of(ROUTE))]
-    route: Route,
     /// Voxels below this fraction of their volume's brightest are dark
     #[arg(long, hide = true, value_name = "SHARE", default_value_t = Options::FLOOR)]
     floor: f32,
@@ -134,15 +124,10 @@ impl Arguments {
 
     /// A typed option that would change nothing, and the reason.
     pub fn ignored(&self) -> Option<(&'static str, &'static str)> {
-        let Method { deform, repeats, stall, .. } = &self.method;
-        let is_never = *deform == Deform::Never;
-        let never_repeats = repeats.is_some_and(|repeats| repeats != 1) && is_never;
-        let never_stalls = stall.is_some() && (is_never || *repeats == Some(1));
-        self.windows.ignored().or(match (never_repeats, never_stalls) {
-            (true, _) => Some(("--repeats", "without deformation no pass is repeated")),
-            (_, true) => Some(("--stall", "no pass is repeated")),
-            _ => None,
-        })
+        let Method { deform, repeats, .. } = self.method;
+        let never_repeats = deform == Deform::Never && repeats.is_some_and(|repeats| repeats != 1);
+        let repeats = never_repeats.then_some(("--repeats", "without deformation no pass is repeated"));
+        self.windows.ignored().or(repeats)
     }
 
     /// Voxels below this fraction of their volume's brightest are dark.
@@ -152,14 +137,11 @@ impl Arguments {
 
     /// The options for a volume of `grid`, with the window that was chosen for the last pass if none is typed.
     pub fn options(&self, grid: &Grid, chosen: Option<[usize; 3]>) -> Options {
-        let Method { deform, repeats, stall, smoothing, route, floor } = self.method;
+        let Method { deform, repeats, floor } = self.method;
         Options {
             floor,
             deform,
             repeats: repeats.unwrap_or(Options::REPEATS),
-            stall_vox: stall.unwrap_or(Options::STALL_VOX),
-            smoothing,
-            route,
             ..Options::new(self.windows.passes(grid, chosen))
         }
     }

@@ -2,15 +2,11 @@
 
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use lf_core::cli::numbers;
-use lf_xcorr::{Deform, Route};
+use lf_xcorr::Deform;
 use std::path::PathBuf;
 
 /// The words of `--deform`.
 pub const DEFORM: [(&str, Deform); 3] = [("auto", Deform::Auto), ("always", Deform::Always), ("never", Deform::Never)];
-
-/// The words of `--route`.
-pub const ROUTE: [(&str, Route); 3] =
-    [("auto", Route::Auto), ("direct", Route::Direct), ("transform", Route::Transform)];
 
 /// A value parser for an option that takes one of these words.
 pub fn one_of<T: Clone + Send + Sync + 'static>(words: [(&'static str, T); 3]) -> impl TypedValueParser<Value = T> {

@@ -2,7 +2,7 @@
 
 use lf_core::field::{MEASURED, NO_DATA, REPLACED};
 use lf_core::{Grid, Session};
-use lf_xcorr::{Choice, Deform, Options, Outcome, Pass, PassReport, Reason, Repeat, Seeding, sides_mm, triple};
+use lf_xcorr::{Deform, Options, Outcome, Pass, PassReport, Repeat, Seeding, sides_mm, triple};
 
 /// Reports how every pass went.
 pub fn report(outcome: &Outcome, options: &Options, session: &mut Session) {
@@ -49,7 +49,7 @@ pub fn chosen_windows(seeding: &Seeding, options: &Options) -> String {
 
 /// Why the last pass was not repeated once more.
 fn end_line(pass: &PassReport, options: &Options) -> String {
-    let (times, stall_vox) = (pass.repeats.len(), options.stall_vox);
+    let (times, stall_vox) = (pass.repeats.len(), Options::STALL_VOX);
     let why = match pass.repeats.last() {
         _ if options.deform == Deform::Never => "without deformation no pass is repeated".to_owned(),
         Some(last) if last.change_vox < stall_vox => format!("vectors changed by less than {stall_vox} voxel"),
@@ -87,9 +87,8 @@ fn repeat_line(number: usize, again: usize, repeat: &Repeat) -> String {
         change_vox => format!(", changed by {change_vox:.4} voxel"),
     };
     format!(
-        "pass {number}.{again}: {state}; {}; correlation {:.3}{change}; {} dark, {} without a peak inside the search, \
+        "pass {number}.{again}: {state}; correlation {:.3}{change}; {} dark, {} without a peak inside the search, \
          {} outliers; {} of these by their second peak, {} replaced, {} without data",
-        choice(&repeat.choice),
         repeat.correlation,
         counts.dark,
         counts.outside,
@@ -98,17 +97,4 @@ fn repeat_line(number: usize, again: usize, repeat: &Repeat) -> String {
         counts.replaced,
         counts.no_data
     )
-}
-
-/// How products were summed, and why.
-fn choice(choice: &Choice) -> String {
-    let way = if choice.is_transform { "by transforms" } else { "direct" };
-    let reason = match choice.reason {
-        Reason::Asked => "as asked",
-        Reason::Close => "a close search",
-        Reason::Faster => "the faster way",
-        Reason::Memory => "direct sums would take too much memory",
-    };
-    let (direct_s, transform_s) = (choice.direct_s, choice.transform_s);
-    format!("{way} (estimated {direct_s:.3} s direct, {transform_s:.3} s by transforms, on one core; {reason})")
 }

@@ -29,10 +29,6 @@ pub struct Windows {
     /// Largest displacement that the first pass searches, voxels [default: an eighth of its window, at least 4]
     #[arg(long, value_name = "X,Y,Z", value_parser = whole_triple)]
     search: Option<[usize; 3]>,
-    /// How far later passes search from the displacement that the pass before found, voxels [default:
-    /// 4,4,3, or more after a pass that works in bins]
-    #[arg(long, hide = true, help_heading = "For experiments", value_name = "X,Y,Z", value_parser = whole_triple)]
-    refine: Option<[usize; 3]>,
     /// The window of a pass in voxels, its overlap and its search; once for each pass, coarse to fine
     #[arg(long, hide = true, help_heading = "For experiments")]
     #[arg(value_name = "X,Y,Z[:OVERLAP[:X,Y,Z]]", value_parser = typed_pass)]
@@ -47,12 +43,9 @@ impl Windows {
 
     /// A typed option that would change nothing, and the reason.
     pub fn ignored(&self) -> Option<(&'static str, &'static str)> {
-        let have_own_search = !self.pass.is_empty() && self.pass.iter().skip(1).all(|pass| pass.search.is_some());
         let has_own_search = self.pass.first().is_some_and(|pass| pass.search.is_some());
         let have_own_overlap = !self.pass.is_empty() && self.pass.iter().all(|pass| pass.overlap.is_some());
         let ignored = [
-            (self.refine.is_some() && self.pass.len() == 1, "--refine", "there is one pass"),
-            (self.refine.is_some() && have_own_search, "--refine", "every later pass has its own"),
             (self.search.is_some() && has_own_search, "--search", "the first pass has its own"),
             (self.overlap.is_some() && have_own_overlap, "--overlap", "every pass has its own"),
         ];
@@ -75,7 +68,7 @@ impl Windows {
         for TypedPass { window, overlap, search } in typed {
             let usual = match found.last() {
                 None => self.search.unwrap_or(fitted(window.map(|n| (n / 8).max(4)))),
-                Some(before) => self.refine.unwrap_or(fitted(before.search_after(Options::REFINE))),
+                Some(before) => fitted(before.search_after(Options::REFINE)),
             };
             let overlap = overlap.or(self.overlap).unwrap_or(OVERLAP);
             found.push(Pass { window, overlap, search: search.unwrap_or(usual) });

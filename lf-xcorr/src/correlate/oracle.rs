@@ -19,7 +19,7 @@ pub(crate) fn sums(
     let at = |volume: usize, p: [i32; 3]| {
         dense[volume][p[0] as usize + shape[0] * (p[1] as usize + shape[1] * p[2] as usize)] as f64
     };
-    let mut sums = Sums::zero(shifts);
+    let mut sums = Sums { shifts, data: vec![0.0; channel::COUNT * shifts.len()] };
     for k in 0..shifts.len() {
         let place = shifts.place(k);
         let d: [i32; 3] = std::array::from_fn(|a| shifts.low[a] + place[a] as i32);
@@ -30,7 +30,7 @@ pub(crate) fn sums(
                     if inside(from) && inside(to) {
                         let (a, b) = (at(0, from), at(1, to));
                         for (channel, value) in [a * b, a, a * a, b, b * b].into_iter().enumerate() {
-                            sums.channel_mut(channel)[k] += value;
+                            sums.data[channel * shifts.len() + k] += value;
                         }
                     }
                 }

@@ -12,17 +12,19 @@ use rayon::prelude::*;
 use std::collections::VecDeque;
 use std::ops::Range;
 
-/// Whether direct sums fit into [`MAX_BYTES`].
-pub(crate) fn fit(windows: &WindowGrid, radius: [usize; 3], pairs: usize) -> bool {
-    bytes(windows, radius, pairs) <= MAX_BYTES
-}
-
 /// Bytes of the sums of `pairs` pairs within `radius`: the cells of one layer of windows, their columns and rows.
 pub(crate) fn bytes(windows: &WindowGrid, radius: [usize; 3], pairs: usize) -> f64 {
     let shifts: f64 = radius.iter().map(|&radius| (2 * radius + 1) as f64).product();
     let [x, y, z] = &windows.axes;
     let layers = z.spans.iter().map(|span| span.len()).max().unwrap_or(0) + 2;
     (x.cells.len() * y.cells.len() * layers * pairs) as f64 * shifts * (channel::COUNT * size_of::<f64>()) as f64
+}
+
+/// Bytes of the sums of the largest single window within `radius`: its cells, a column and a row of them.
+pub(crate) fn window_bytes(windows: &WindowGrid, radius: [usize; 3]) -> f64 {
+    let shifts: f64 = radius.iter().map(|&radius| (2 * radius + 1) as f64).product();
+    let [x, y, z] = windows.axes.each_ref().map(|axis| axis.spans.iter().map(Range::len).max().unwrap_or(0));
+    (x * y * (z + 2)) as f64 * shifts * (channel::COUNT * size_of::<f64>()) as f64
 }
 
 /// Constant: maximum bytes of sums over those for equal boxes of shifts. Each window has its own prediction, and a cell
@@ -35,8 +37,8 @@ pub(crate) fn budget(windows: &WindowGrid, radius: [usize; 3], pairs: usize) -> 
     (APART * bytes(windows, radius, pairs)).min(MAX_BYTES)
 }
 
-/// Constant: maximum memory for direct sums; a pass that needs more is done by transforms. The paper's windows take a
-/// fiftieth of it, and a machine that holds the paper's volumes has it.
+/// Constant: maximum memory for sums; a pass that needs more is done in blocks. The paper's windows take a fiftieth of
+/// it, and a machine that holds the paper's volumes has it.
 pub(crate) const MAX_BYTES: f64 = 4e9;
 
 /// Windows along x, y, z.
@@ -80,18 +82,6 @@ fn blocks<'a>(windows: &'a WindowGrid, search: &'a [Option<Shifts>], pairs: usiz
         }
     }
     blocks
-}
-
-/// The work of [`of_windows`], relative to the work for equal boxes: shifts that cells are summed for, in all blocks.
-/// It is 1 without blocks.
-pub(crate) fn work(windows: &WindowGrid, search: &[Option<Shifts>], pairs: usize) -> f64 {
-    let blocks = blocks(windows, search, pairs);
-    if blocks.len() == 1 {
-        return 1.0;
-    }
-    let widest = search.iter().flatten().map(Shifts::len).max().unwrap_or(1);
-    let shifts: f64 = blocks.iter().map(|block| block.shifts_by_layer().iter().sum::<f64>()).sum();
-    shifts / (windows.cell_count() * widest) as f64
 }
 
 /// Maximum bytes of a block: the [`budget`] for the widest box.
@@ -369,10 +359,9 @@ mod tests {
         }
         let together = whole().held_bytes(1);
         assert!(together > 20.0 * budget(&windows, radius, 1), "{together}");
-        assert!(work(&windows, &search, 1) > 2.0, "{}", work(&windows, &search, 1));
         // Equal boxes fit as they are.
         let equal = vec![Some(Shifts::around([3, -2, 1], radius)); windows.count()];
-        assert_eq!(work(&windows, &equal, 1), 1.0);
+        assert_eq!(blocks(&windows, &equal, 1).len(), 1);
     }
 
     /// Scar: a column of windows was done at once, whatever it held.

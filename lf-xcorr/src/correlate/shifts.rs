@@ -39,11 +39,6 @@ impl Shifts {
         self.low[axis] + self.n[axis] as i32 - 1
     }
 
-    /// The centre along an axis, rounded down.
-    pub fn centre(&self, axis: usize) -> i32 {
-        (self.low[axis] + self.high(axis)).div_euclid(2)
-    }
-
     pub fn along(&self, axis: usize) -> Range<i32> {
         self.low[axis]..self.low[axis] + self.n[axis] as i32
     }

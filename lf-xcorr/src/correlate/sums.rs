@@ -21,24 +21,9 @@ pub(crate) struct Sums {
 }
 
 impl Sums {
-    pub fn zero(shifts: Shifts) -> Self {
-        Self { shifts, data: vec![0.0; channel::COUNT * shifts.len()] }
-    }
-
     pub fn channel(&self, channel: usize) -> &[f64] {
         let n = self.shifts.len();
         &self.data[channel * n..(channel + 1) * n]
-    }
-
-    pub fn channel_mut(&mut self, channel: usize) -> &mut [f64] {
-        let n = self.shifts.len();
-        &mut self.data[channel * n..(channel + 1) * n]
-    }
-
-    /// A channel and the next one, mutable.
-    pub fn pair_mut(&mut self, channel: usize) -> [&mut [f64]; 2] {
-        let n = self.shifts.len();
-        self.data[channel * n..(channel + 2) * n].split_at_mut(n).into()
     }
 }
 

@@ -1,8 +1,7 @@
 //! Estimate of the memory that a correlation takes.
 
-use super::choice::CLOSE;
-use super::options::{Deform, Options, Route};
-use super::{deform::spread_count, pass::Pass};
+use super::deform::spread_count;
+use super::options::{Deform, Options};
 use crate::correlate::shared_sums;
 use crate::volumes::{Mask, Rows, Sparse};
 
@@ -55,26 +54,9 @@ pub(crate) fn bytes(pairs: &[[Sparse; 2]], mask: &Mask, options: &Options) -> u6
     (plain + windows + phases.into_iter().fold(0.0, f64::max)) as u64
 }
 
-/// Bytes of the sums and the transforms of a pass, and of `lit` voxels in its bins.
+/// Bytes of the sums of a pass, and of `lit` voxels in its bins.
 fn pass_bytes(options: &Options, number: usize, shape: [usize; 3], pairs: usize, lit: f64) -> f64 {
     let binned = options.passes[number].binned(shape, options.is_last(number));
     let in_bins = if binned.bin == [1; 3] { 0.0 } else { LIT * lit };
-    let windows = binned.windows();
-    let direct = shared_sums::budget(&windows, binned.pass.search, pairs);
-    // Vectors that transforms find are read off close direct sums.
-    let by_transform = transform_bytes(&binned.pass).max(shared_sums::budget(&windows, CLOSE, pairs));
-    let sums = match options.route {
-        Route::Direct => direct,
-        // A repeat close to known vectors takes direct sums, as wide as the pass for windows without a vector.
-        Route::Auto => direct.max(by_transform),
-        Route::Transform => by_transform,
-    };
-    sums + in_bins
-}
-
-/// Bytes of the transforms of one window, for all threads.
-fn transform_bytes(pass: &Pass) -> f64 {
-    let size = [0, 1, 2].map(|axis| (pass.window[axis] + 2 * pass.search[axis]) as f64);
-    // Two spectra of half as many complex numbers of 16 bytes, and the space they are made in.
-    24.0 * size.iter().product::<f64>() * rayon::current_num_threads() as f64
+    shared_sums::budget(&binned.windows(), binned.pass.search, pairs) + in_bins
 }

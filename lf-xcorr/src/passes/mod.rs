@@ -4,7 +4,6 @@
 //! Out: the field, and a report of every pass.
 //! Open `multigrid.rs` first.
 
-mod choice;
 mod deform;
 pub(crate) mod memory;
 pub(crate) mod multigrid;
@@ -16,8 +15,6 @@ mod prepared;
 mod repeats;
 mod search;
 
-pub use choice::{Choice, Reason};
-pub use options::{Deform, Options, Route};
+pub use options::{Deform, Options};
 pub use outcome::{Counts, Outcome, PassReport, Repeat};
 pub use pass::{Pass, triple};
-pub use search::one_pass;

@@ -34,7 +34,7 @@ pub(crate) fn run(
     for (number, pass) in options.passes.iter().enumerate() {
         let next = options.passes.get(number + 1);
         let is_last = next.is_none();
-        let smoothing = if is_last { options.smoothing } else { COARSE_SMOOTHING * options.smoothing };
+        let smoothing = if is_last { Options::SMOOTHING } else { COARSE_SMOOTHING * Options::SMOOTHING };
         let prepared = PreparedPass::new(plain, pass.binned(part.shape, is_last), smoothing);
         let mut repeats = Repeats::new(&prepared, &volumes, mask, options, known.take());
         repeats.run(number, options.max_repeats(number), next, watch)?;

@@ -16,17 +16,6 @@ pub enum Deform {
     Never,
 }
 
-/// How products are summed.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Route {
-    /// The way that is estimated to be faster, pass by pass.
-    Auto,
-    /// Lit voxel by lit voxel; overlapping windows share sums.
-    Direct,
-    /// By Fourier transforms of each window.
-    Transform,
-}
-
 /// The options of a run.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Options {
@@ -40,12 +29,6 @@ pub struct Options {
     pub deform: Deform,
     /// The last pass is done at most this often, at least once.
     pub repeats: usize,
-    /// The last pass is repeated until the root mean square change of the vectors is below this, voxels.
-    pub stall_vox: f64,
-    /// Standard deviation, in windows, of the smoothing of the field that the next repeat or pass starts from.
-    pub smoothing: f64,
-    /// How products are summed.
-    pub route: Route,
 }
 
 impl Options {
@@ -59,11 +42,13 @@ impl Options {
 
     /// Constant: three or four repeats follow every gradient that can be followed.
     pub const REPEATS: usize = 6;
-    /// Constant: repeats sharpen what the smoothed field holds, noise included. At 0.35 a wave of four windows is
+    /// Constant: standard deviation, in windows, of the smoothing of the field that the next repeat or pass starts from.
+    /// Repeats sharpen what the smoothed field holds, noise included. At 0.35 a wave of four windows is
     /// measured to 0.985 (0.90 without repeats) and noise grows by an eighth; at 0.5, 0.97 and by a fifteenth; at 0.25,
     /// 0.99 and by a quarter.
     pub const SMOOTHING: f64 = 0.35;
-    /// Constant: a change that no correlation of particle images resolves.
+    /// Constant: the last pass is repeated until the root mean square change of the vectors is below this, voxels. No
+    /// correlation of particle images resolves it.
     pub const STALL_VOX: f64 = 0.01;
 
     const MAX_REPEATS: usize = 100;
@@ -78,9 +63,6 @@ impl Options {
             median_test: MedianTest::default(),
             deform: Deform::Auto,
             repeats: Self::REPEATS,
-            stall_vox: Self::STALL_VOX,
-            smoothing: Self::SMOOTHING,
-            route: Route::Auto,
         }
     }
 
@@ -117,7 +99,7 @@ impl Options {
 
     /// Refuses the first number that does not fit a volume of `shape`.
     pub fn check(&self, shape: [usize; 3]) -> Result<(), Refused> {
-        let (floor, repeats, stall, smoothing) = (self.floor, self.repeats, self.stall_vox, self.smoothing);
+        let (floor, repeats) = (self.floor, self.repeats);
         let MedianTest { threshold, tolerance_vox } = &self.median_test;
         let can_pass = *threshold > 0.0 && tolerance_vox.iter().all(|tolerance| *tolerance > 0.0);
         first_refusal([
@@ -129,12 +111,6 @@ impl Options {
                 format!("{repeats} repeats of the last pass"),
                 "wanted 1 to 100",
             ),
-            (
-                (0.0..f64::INFINITY).contains(&stall),
-                format!("a stall of {stall} voxel"),
-                "wanted a number of 0 or more",
-            ),
-            ((0.0..=4.0).contains(&smoothing), format!("a smoothing of {smoothing} windows"), "wanted 0 to 4"),
         ])?;
         (0..self.passes.len()).try_for_each(|number| self.check_pass(number, shape))
     }
@@ -153,11 +129,10 @@ impl Options {
             (fits(search), beside("search", search), "wanted a search radius no larger than the volume"),
         ])?;
         let binned = self.passes[number].binned(shape, self.is_last(number));
-        let bytes = shared_sums::bytes(&binned.windows(), binned.pass.search, 1);
-        let found =
-            format!("search {} in windows {} takes {:.0} GB directly", triple(search), triple(window), bytes / 1e9);
-        let wanted = "wanted a shorter search, less overlap, a pass before it, or transforms";
-        first_refusal([(self.route != Route::Direct || bytes <= shared_sums::MAX_BYTES, found, wanted)])
+        let bytes = shared_sums::window_bytes(&binned.windows(), binned.pass.search);
+        let found = format!("search {} in windows {} takes {:.0} GB", triple(search), triple(window), bytes / 1e9);
+        let wanted = "wanted a shorter search, less overlap, or a pass before it";
+        first_refusal([(bytes <= shared_sums::MAX_BYTES, found, wanted)])
     }
 }
 

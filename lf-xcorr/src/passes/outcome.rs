@@ -1,6 +1,6 @@
 //! The result of a correlation: the field, and how it came about.
 
-use super::{choice::Choice, pass::Pass, prepared::PreparedPass};
+use super::{pass::Pass, prepared::PreparedPass};
 use crate::vectors::{Uncertainty, Vector};
 use glam::DVec3;
 use lf_core::statistics::upper_median;
@@ -34,8 +34,6 @@ pub struct Repeat {
     pub change_vox: f64,
     /// Mean correlation at the peaks.
     pub correlation: f64,
-    /// How products were summed, and why.
-    pub choice: Choice,
     /// The origin of the vectors.
     pub counts: Counts,
 }

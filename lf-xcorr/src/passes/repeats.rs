@@ -82,17 +82,15 @@ impl<'a> Repeats<'a> {
             predictor: self.predictor.as_ref(),
             // Vectors of deformed volumes are known well enough for a close search.
             known: self.done.last().filter(|before| before.deformed).map(|_| self.vectors.as_slice()),
-            route: self.options.route,
             test: &self.options.median_test,
         };
-        let (mut vectors, counts, choice) = search(self.pass, &volumes, &guide, watch);
+        let (mut vectors, counts) = search(self.pass, &volumes, &guide, watch);
         let heights: Vec<f64> = vectors.iter().filter_map(Vector::fit).map(|fit| fit.height).collect();
         let repeat = Repeat {
             deformed: field.is_some(),
             change_across_vox: across.into_iter().fold(0.0, f64::max),
             change_vox: change(&self.vectors, &vectors),
             correlation: heights.iter().sum::<f64>() / heights.len() as f64,
-            choice,
             counts,
         };
         // Keep the vector of the repeat before where deformation left no data.
@@ -122,7 +120,7 @@ impl<'a> Repeats<'a> {
         // Constant: the pass does not converge if the change stays above this fraction of the one before.
         const NO_LESS: f64 = 0.9;
         let [.., before, last] = self.done.as_slice() else { return false };
-        last.change_vox < self.options.stall_vox || last.change_vox > NO_LESS * before.change_vox
+        last.change_vox < Options::STALL_VOX || last.change_vox > NO_LESS * before.change_vox
     }
 
     /// The predicted change of each component across a window of `pass`, voxels.

@@ -1,13 +1,15 @@
 //! One search of a pass: vectors measured, tested, searched again, replaced.
 
-use super::choice::{CLOSE, Choice};
 use super::prepared::{PreparedPass, Volumes};
-use super::{options::Route, outcome::Counts, pass::Pass, predictor::Predictor};
-use crate::correlate::{Estimate, Peak, PeakFit, Shifts, Summation, Transforms, Watch, measure, shared_sums};
+use super::{outcome::Counts, predictor::Predictor};
+use crate::correlate::{Peak, PeakFit, Shifts, Watch, measure};
 use crate::vectors::{MedianTest, Vector, fill};
-use crate::volumes::{Mask, Rows, Sparse};
 use glam::DVec3;
 use lf_core::statistics::upper_median;
+
+/// Constant: radius of a search about a displacement that is known to one voxel, bins: one for its error, one for the
+/// fit.
+const CLOSE: [usize; 3] = [2, 2, 2];
 
 /// Where to search, and how.
 pub(crate) struct Guide<'a> {
@@ -15,28 +17,14 @@ pub(crate) struct Guide<'a> {
     pub predictor: Option<&'a Predictor>,
     /// The vectors of the repeat before, if the search is close to them.
     pub known: Option<&'a [Vector]>,
-    pub route: Route,
     pub test: &'a MedianTest,
 }
 
 /// Searches every window: measures, tests, takes the second peak where the first fails, replaces the rest.
-pub(crate) fn search(
-    pass: &PreparedPass,
-    volumes: &Volumes,
-    guide: &Guide,
-    watch: Watch,
-) -> (Vec<Vector>, Counts, Choice) {
+pub(crate) fn search(pass: &PreparedPass, volumes: &Volumes, guide: &Guide, watch: Watch) -> (Vec<Vector>, Counts) {
     let shape = pass.windows.shape();
-    let mut choice = Choice::new(pass, volumes, guide.route, guide.known.is_some());
     let search = Search::new(pass, volumes);
-    let is_free = guide.route == Route::Auto && guide.known.is_none() && !choice.is_transform;
-    if is_free {
-        // Where neighbours are searched far apart, direct sums take longer.
-        let work = shared_sums::work(&pass.windows, &search.boxes(guide, false), volumes.pairs.len());
-        let direct_s = work * choice.direct_s;
-        choice = Choice { direct_s, is_transform: choice.transform_s < direct_s, ..choice };
-    }
-    let peaks = search.peaks(guide, choice.is_transform, watch);
+    let peaks = search.peaks(guide, watch);
 
     // Test the peaks against their neighbours, in voxels.
     let mut fits: Vec<Option<PeakFit>> = peaks.iter().map(Peak::fit).collect();
@@ -76,7 +64,7 @@ pub(crate) fn search(
         replaced: vectors.iter().filter(|vector| matches!(vector, Vector::Replaced(_))).count(),
         no_data: vectors.iter().filter(|vector| matches!(vector, Vector::NoData)).count(),
     };
-    (vectors, counts, choice)
+    (vectors, counts)
 }
 
 /// The test with a tolerance for the median width of the peaks along each axis.
@@ -90,21 +78,14 @@ fn scaled(test: &MedianTest, fits: &[Option<PeakFit>]) -> MedianTest {
     MedianTest { tolerance_vox: [0, 1, 2].map(tolerance), ..*test }
 }
 
-fn summation(pass: &Pass, is_transform: bool) -> Summation {
-    match is_transform {
-        true => Summation::Transform(Transforms::new(pass.window, pass.search.map(|radius| 2 * radius + 1))),
-        false => Summation::Direct,
-    }
-}
-
 /// The displacement of `field` at the centre of a window; zero without a field.
 fn shift_at(field: Option<&Predictor>, pass: &PreparedPass, node: usize) -> DVec3 {
     field.map_or(DVec3::ZERO, |field| field.at(pass.centre_vox(node)))
 }
 
-/// The peak that a window had before. None for transforms, which search equally far everywhere.
-fn known<'a>(guide: &Guide<'a>, is_transform: bool, node: usize) -> Option<&'a PeakFit> {
-    guide.known.filter(|_| !is_transform).and_then(|vectors| vectors[node].fit())
+/// The peak that a window had before.
+fn known<'a>(guide: &Guide<'a>, node: usize) -> Option<&'a PeakFit> {
+    guide.known.and_then(|vectors| vectors[node].fit())
 }
 
 /// A search over the windows of a pass.
@@ -128,9 +109,9 @@ impl<'a> Search<'a> {
     }
 
     /// The boxes of all windows: close to known vectors, otherwise as far from the prediction as the pass searches.
-    fn boxes(&self, guide: &Guide, is_transform: bool) -> Vec<Option<Shifts>> {
+    fn boxes(&self, guide: &Guide) -> Vec<Option<Shifts>> {
         let predicted = |node: usize| shift_at(guide.predictor, self.pass, node);
-        let box_of = |node: usize| match known(guide, is_transform, node) {
+        let box_of = |node: usize| match known(guide, node) {
             Some(before) => self.shifts(node, before.shift_vox, CLOSE),
             None => self.shifts(node, predicted(node), self.pass.binned.pass.search),
         };
@@ -138,31 +119,16 @@ impl<'a> Search<'a> {
     }
 
     /// The peaks of all windows in their boxes.
-    fn peaks(&self, guide: &Guide, is_transform: bool, watch: Watch) -> Vec<Peak> {
-        let summation = summation(&self.pass.binned.pass, is_transform);
-        let peaks = self.measure(&self.boxes(guide, is_transform), &summation, watch);
+    fn peaks(&self, guide: &Guide, watch: Watch) -> Vec<Peak> {
+        let peaks = self.measure(&self.boxes(guide), watch);
         let mut peaks: Vec<Peak> = peaks.into_iter().map(|peak| peak.expect("every window has a box")).collect();
-        if is_transform {
-            self.read_off_direct_sums(&mut peaks);
-        }
         for (node, peak) in peaks.iter_mut().enumerate() {
             // A close search sees no second peak: keep the ratio of the repeat before.
-            if let (Peak::Inside(fit), Some(before)) = (peak, known(guide, is_transform, node)) {
+            if let (Peak::Inside(fit), Some(before)) = (peak, known(guide, node)) {
                 fit.ratio = before.ratio;
             }
         }
         peaks
-    }
-
-    /// Measures the peaks that transforms found again by direct sums, in which both windows move with every shift.
-    fn read_off_direct_sums(&self, peaks: &mut [Peak]) {
-        let found: Vec<Option<DVec3>> = peaks.iter().map(|peak| peak.fit().map(|fit| fit.shift_vox)).collect();
-        let nodes: Vec<usize> = (0..peaks.len()).collect();
-        for (peak, again) in peaks.iter_mut().zip(self.close_to(&nodes, &found)) {
-            if let (Peak::Inside(fit), Some(again)) = (peak, again) {
-                *fit = PeakFit { ratio: fit.ratio, ..again };
-            }
-        }
     }
 
     /// The peaks close to `vectors`, for these nodes; `None` for other nodes and where there is no vector or no peak.
@@ -174,15 +140,15 @@ impl<'a> Search<'a> {
         if boxes.iter().all(Option::is_none) {
             return Vec::new();
         }
-        let peaks = self.measure(&boxes, &Summation::Direct, &|_| ());
+        let peaks = self.measure(&boxes, &|_| ());
         peaks.into_iter().map(|peak| peak?.fit()).collect()
     }
 
     /// The peaks of the windows that have a box of shifts; displacements in voxels, on top of the deformation.
-    fn measure(&self, boxes: &[Option<Shifts>], summation: &Summation, watch: Watch) -> Vec<Option<Peak>> {
+    fn measure(&self, boxes: &[Option<Shifts>], watch: Watch) -> Vec<Option<Peak>> {
         let PreparedPass { windows, is_full, .. } = self.pass;
         let bin = self.pass.bin_vox();
-        let mut peaks = measure(&self.volumes.pairs, windows, boxes, summation, *is_full, watch);
+        let mut peaks = measure(&self.volumes.pairs, windows, boxes, *is_full, watch);
         for (peak, base) in peaks.iter_mut().zip(&self.base_vox) {
             if let Some(Peak::Inside(fit)) = peak {
                 fit.shift_vox = *base + fit.shift_vox * bin;
@@ -191,17 +157,4 @@ impl<'a> Search<'a> {
         }
         peaks
     }
-}
-
-/// One pass about zero alone, for benches. Returns how many peaks it found inside the search, and the estimated time of
-/// direct sums and of transforms, seconds.
-#[doc(hidden)]
-pub fn one_pass(volumes: [&Sparse; 2], pass: &Pass, is_transform: bool) -> (usize, [f64; 2]) {
-    let rows = volumes.map(|volume| Rows::new(volume, &Mask::Everything, 0.0));
-    let windows = pass.windows(rows[0].shape);
-    let boxes = vec![Some(Shifts::around([0; 3], pass.search)); windows.count()];
-    let peaks = measure(&[rows.each_ref()], &windows, &boxes, &summation(pass, is_transform), false, &|_| ());
-    let inside = peaks.iter().filter(|peak| matches!(peak, Some(Peak::Inside(_)))).count();
-    let estimate = Estimate::new(rows.each_ref(), &windows);
-    (inside, [estimate.direct_s(pass.search), estimate.transform_s(pass.search)])
 }
