@@ -1,7 +1,8 @@
 #!/usr/bin/env python3
 """Light-field frames that lf-synth did not make, photon by photon; for `scripts/studies/fit independent`.
 
-independent.py DIR LAYOUT TURN STOP DENSITY SEED WIDTH HEIGHT FRAMES: frames, dark frame, camera, true particles.
+independent.py DIR LAYOUT TURN STOP DENSITY SEED WIDTH HEIGHT FRAMES [NM,PX]: frames, dark frame, camera, true particles.
+NM,PX: light of this wavelength diffracts at the lenslets, and the sensor blurs by a Gaussian of this standard deviation.
 independent.py --one DIR LAYOUT TURN STOP X,Y,Z PHOTONS: a frame of one particle without noise.
 independent.py --apart A.exr B.exr PHOTONS: the share of the light that lies elsewhere in A than in B, and the share
 that counting this many photons puts there.
@@ -13,6 +14,7 @@ centre is nearest takes it, and a sensor one focal length behind catches it:
     lens to image     1/b = 1/f - 1/a                   a: from the particle to the lens
     at the lenslets   P = V + (s/b) (B - V)             V: place on the lens, B = -(b/a) (X, Y), s: lens to array
     on the sensor     C + g (P - V) / s                 C: centre of the lenslet, g: its focal length
+    diffraction       + lambda g q                      q: at random by the square of the cell's Fourier transform
 
 A lens turns the picture over; the camera reads it out upright: columns grow with X, rows with -Y. Each photon that
 lands is an electron, so the photon noise is that of counting. The rest of the sensor adds 20 counts and a normal
@@ -37,9 +39,10 @@ STOP = TO_ARRAY / F_NUMBER  # diameter or side, mm
 ROW = PITCH * np.sqrt(3) / 2  # between rows of a hexagonal lattice, mm
 
 
-def camera(sensor, layout, turn, stop):
+def camera(sensor, layout, turn, stop, blur=None):
     """The camera, as the page of formats says."""
-    return {"frame": "right-handed", "sensor": {"width": sensor[0], "height": sensor[1], "pixel_pitch_mm": PIXEL},
+    block = {} if blur is None else {"blur": {"wavelength_nm": blur.wavelength_nm, "sigma_px": blur.sigma_px}}
+    return block | {"frame": "right-handed", "sensor": {"width": sensor[0], "height": sensor[1], "pixel_pitch_mm": PIXEL},
             "main_lens": {"focal_length_mm": FOCAL, "magnification": MAGNIFICATION, "working_f_number": F_NUMBER,
                           "aperture": stop},
             "microlenses": {"layout": layout, "pitch_mm": PITCH, "focal_length_mm": LENSLET_FOCAL,
@@ -62,7 +65,31 @@ def nearest(layout, turn, x, y):
     return cos * cu - sin * cv, cos * cv + sin * cu
 
 
-def landed(random, count, place, sensor, layout, turn, stop):
+class Blur:
+    """Where a photon lands beside its ray. The cell is drawn on a grid and transformed: any shape, no formula."""
+
+    CELLS, GRID = 64, 2048  # grid cells in a pitch, and a side
+
+    def __init__(self, layout, words):
+        self.wavelength_nm, self.sigma_px = (float(word) for word in words.split(","))
+        at = (np.arange(self.GRID) - self.GRID // 2) / self.CELLS
+        x, y = np.abs(np.meshgrid(at, at))
+        # A hexagon with its flat sides left and right, as the rows of the lattice run along x.
+        cell = (x < 0.5) & (y < 0.5) if layout == "square" else (x < 0.5) & (0.5 * x + np.sqrt(0.75) * y < 0.5)
+        power = np.abs(np.fft.fftshift(np.fft.fft2(cell))) ** 2
+        self.sums = np.cumsum(power.ravel())
+        # A step of the grid of frequencies, mm on the sensor.
+        self.step = self.wavelength_nm * 1e-6 * LENSLET_FOCAL / PITCH * self.CELLS / self.GRID
+
+    def moves(self, random, count, turn):
+        """Along columns and rows, mm."""
+        at = np.searchsorted(self.sums, random.random(count) * self.sums[-1])
+        v, u = (axis - self.GRID // 2 + random.random(count) - 0.5 for axis in np.divmod(at, self.GRID))
+        u, v = (self.step * (np.cos(turn) * u - np.sin(turn) * v), self.step * (np.sin(turn) * u + np.cos(turn) * v))
+        return (axis + self.sigma_px * PIXEL * random.standard_normal(count) for axis in (u, v))
+
+
+def landed(random, count, place, sensor, layout, turn, stop, blur=None):
     """Photons of a particle at `place` in each pixel of a sensor of (columns, rows), row after row."""
     x, y = (random.standard_normal((2, count)) * SIZE + np.reshape(place[:2], (2, 1)))
     if stop == "square":
@@ -76,8 +103,9 @@ def landed(random, count, place, sensor, layout, turn, stop):
     # Upright: x is turned back, and y twice, for rows run downwards.
     px, vx = -px, -vx
     cx, cy = nearest(layout, turn, px, py)
-    column, row = (np.floor((c + LENSLET_FOCAL * (p - v) / TO_ARRAY) / PIXEL + 0.5 * pixels).astype(int)
-                   for c, p, v, pixels in ((cx, px, vx, sensor[0]), (cy, py, vy, sensor[1])))
+    aside = (0, 0) if blur is None else blur.moves(random, count, turn)
+    column, row = (np.floor((c + LENSLET_FOCAL * (p - v) / TO_ARRAY + move) / PIXEL + 0.5 * pixels).astype(int)
+                   for c, p, v, move, pixels in zip((cx, cy), (px, py), (vx, vy), aside, sensor))
     inside = (column >= 0) & (column < sensor[0]) & (row >= 0) & (row < sensor[1])
     return np.bincount((row * sensor[0] + column)[inside], minlength=sensor[0] * sensor[1])
 
@@ -97,10 +125,10 @@ def read(path):
     return OpenEXR.File(path, separate_channels=True).channels()["Y"].pixels.astype(float)
 
 
-def frames(folder, layout, turn, stop, density, seed, width, height, count):
+def frames(folder, layout, turn, stop, density, seed, width, height, count, blur=None):
     """Particles at random in a box, which all move alike through it; those outside are dark."""
     turn, sensor, count = float(turn), (int(width), int(height)), int(count)
-    random = np.random.default_rng([int(seed), 2026])
+    random, blur = np.random.default_rng([int(seed), 2026]), blur and Blur(layout, blur)
     os.makedirs(folder, exist_ok=True)
     half = 0.5 * PIXEL / MAGNIFICATION
     box = np.array([half * sensor[0] - MARGIN, half * sensor[1] - MARGIN, DEPTH])
@@ -110,7 +138,7 @@ def frames(folder, layout, turn, stop, density, seed, width, height, count):
     total = round(float(density) * 4 * box[0] * box[1] / cell * np.prod(wide / box))
     start = random.uniform(-wide, wide, (total, 3))
     with open(f"{folder}/camera.json", "w") as out:
-        json.dump(camera(sensor, layout, turn, stop), out, indent=1)
+        json.dump(camera(sensor, layout, turn, stop, blur), out, indent=1)
     with open(f"{folder}/particles.csv", "w") as table:
         print(HEAD, file=table)
         for frame in range(count):
@@ -118,7 +146,7 @@ def frames(folder, layout, turn, stop, density, seed, width, height, count):
             electrons = np.zeros(sensor[0] * sensor[1])
             for number in np.flatnonzero((np.abs(places) < box).all(1)):
                 print(frame, number, *(repr(float(c)) for c in places[number]), PHOTONS, sep=",", file=table)
-                electrons += landed(random, random.poisson(PHOTONS), places[number], sensor, layout, turn, stop)
+                electrons += landed(random, random.poisson(PHOTONS), places[number], sensor, layout, turn, stop, blur)
             counts = electrons + DARK + READ_NOISE * random.standard_normal(electrons.shape)
             write(f"{folder}/frame-{frame:04}.exr", np.maximum(counts, 0).reshape(sensor[::-1]))
     write(f"{folder}/dark.exr", np.full(sensor[::-1], DARK))

@@ -6,7 +6,15 @@
 //! ```
 //!
 //! Here H is the cell blurred by the spot, and K the pixel blurred by the sensor. K is a difference of two normal
-//! distributions, one for each edge of the pixel, so the integral is taken once for each edge. Panels of
+//! distributions, one for each edge of the pixel, so the integral is taken once for each edge.
+//!
+//! Where the stop's rim does not cut the rise or the fall of H, both blurs add up to one and the integral is known:
+//!
+//! ```text
+//! int_r^inf Phi((u - U) / b) dU = b psi((u - r) / b),   psi(z) = z Phi(z) + phi(z)
+//! ```
+//!
+//! with the sensor's blur b for a limit r of the stop, and both blurs for a limit of the cell. Elsewhere panels of
 //! Gauss-Legendre follow the width of both blurs, with ends where H rises and falls.
 
 use super::axis::Axis;
@@ -43,6 +51,38 @@ impl Edge {
     }
 }
 
+/// An end of H along the stop, of the cell or of the stop itself.
+#[derive(Debug, Clone, Copy)]
+struct Limit {
+    place: f64,
+    /// Standard deviation of all blur there, of the spot's part, and the derivative of the first by the sensor's part.
+    width: f64,
+    rise: f64,
+    by_width: f64,
+    /// 1 for the lower end, -1 for the upper one.
+    sign: f64,
+}
+
+impl Limit {
+    /// Adds the integral beyond this limit to the edge at `u`.
+    #[inline(always)]
+    fn add_to(&self, blur: &SensorBlur, alpha: f64, u: f64, sum: &mut Edge) {
+        let Self { place, width, rise, by_width, sign } = *self;
+        let z = (u - place) / width;
+        let Some((share, density)) = blur.bell.at(z) else { return };
+        let (share, density) = (sign * share, sign * density);
+        sum.by_cell[0] += width * (z * share + density);
+        if rise > 0.0 {
+            let by_rise = density * rise / width;
+            sum.by_cell[1] += share / alpha;
+            sum.by_cell[2] += (share * place - by_rise * rise) / alpha;
+            sum.by_cell[3] += by_rise / alpha.abs();
+        }
+        sum.by_kernel[0] += share;
+        sum.by_kernel[1] += density * by_width;
+    }
+}
+
 /// A lenslet along one axis, and the pixels that it lights.
 pub(super) struct Span<'a> {
     pub(super) axis: &'a Axis,
@@ -73,33 +113,20 @@ impl LensletImage<'_, Cross> {
         sums: &mut EdgeSums,
         factors: &mut Vec<Factor>,
     ) {
-        let Span { axis, alpha, corner, edges, .. } = *span;
-        let spot = self.spot_mm;
+        let Span { axis, alpha, edges, .. } = *span;
         let sigma = blur.sigma_px * axis.per_slope.abs();
         sums.edges.clear();
         sums.edges.resize(edges.len(), Edge::default());
         sums.beyond.clear();
         sums.beyond.resize(edges.len() + 1, [0.0; 4]);
-        self.cut_panels(&mut sums.ends, span);
         let EdgeSums { ends, edges: by_edge, beyond } = sums;
-
-        for ends in ends.windows(2) {
-            let middle = axis.chief + alpha * (0.5 * (ends[0] + ends[1]));
-            let [low, high] = [(middle + corner) / spot, (middle - corner) / spot];
-            if low < -REACH || high > REACH {
-                continue;
-            }
-            let is_flat = low > REACH && high < -REACH;
-            let rise = if is_flat { f64::INFINITY } else { PANEL_OF_SPOT * spot / alpha.abs() };
-            let most = rise.min(PANEL_OF_BLUR * sigma);
-            let count = ((ends[1] - ends[0]) / most).ceil().max(1.0);
-            let half = 0.5 * (ends[1] - ends[0]) / count;
-            for panel in 0..count as usize {
-                let centre = ends[0] + half * (2 * panel + 1) as f64;
-                for (node, weight) in NODES.iter().zip(WEIGHTS) {
-                    self.add_node(blur, span, (centre + half * node, half * weight), by_edge, beyond);
+        match self.limits(sigma, span) {
+            Some(limits) => {
+                for (edge, sum) in edges.iter().zip(by_edge.iter_mut()) {
+                    limits.iter().for_each(|limit| limit.add_to(blur, alpha, edge.u, sum));
                 }
             }
+            None => self.add_panels(blur, sigma, span, ends, by_edge, beyond),
         }
 
         // Add what lies beyond, and take differences.
@@ -129,6 +156,58 @@ impl LensletImage<'_, Cross> {
             let after = at(n);
             factors.push(after.mix(sign, &before, -sign));
             before = after;
+        }
+    }
+
+    /// Where H ends below and above, unless the rim of the stop cuts its rise or its fall.
+    #[inline(always)]
+    fn limits(&self, sigma: f64, &Span { axis, alpha, corner, .. }: &Span) -> Option<[Limit; 2]> {
+        let half = self.view.optics.half_aperture_mm;
+        let rise = self.spot_mm / alpha.abs();
+        let ends = [-corner, corner].map(|side| (side - axis.chief) / alpha);
+        let is_cut = |end: f64| (end.abs() - half).abs() < REACH * rise;
+        if !rise.is_finite() || ends.iter().any(|end| is_cut(*end)) {
+            return None;
+        }
+        let width = sigma.hypot(rise);
+        let limit = |end: f64, sign: f64| {
+            let rim = Limit { place: half.copysign(end), width: sigma, rise: 0.0, by_width: 1.0, sign };
+            if end.abs() > half { rim } else { Limit { place: end, width, rise, by_width: sigma / width, sign } }
+        };
+        Some([limit(ends[0].min(ends[1]), 1.0), limit(ends[0].max(ends[1]), -1.0)])
+    }
+
+    /// Adds the integral panel by panel.
+    #[inline(always)]
+    fn add_panels(
+        &self,
+        blur: &SensorBlur,
+        sigma: f64,
+        span: &Span,
+        ends: &mut Vec<f64>,
+        by_edge: &mut [Edge],
+        beyond: &mut [[f64; 4]],
+    ) {
+        let Span { axis, alpha, corner, .. } = *span;
+        let spot = self.spot_mm;
+        self.cut_panels(ends, span);
+        for ends in ends.windows(2) {
+            let middle = axis.chief + alpha * (0.5 * (ends[0] + ends[1]));
+            let [low, high] = [(middle + corner) / spot, (middle - corner) / spot];
+            if low < -REACH || high > REACH {
+                continue;
+            }
+            let is_flat = low > REACH && high < -REACH;
+            let rise = if is_flat { f64::INFINITY } else { PANEL_OF_SPOT * spot / alpha.abs() };
+            let most = rise.min(PANEL_OF_BLUR * sigma);
+            let count = ((ends[1] - ends[0]) / most).ceil().max(1.0);
+            let half = 0.5 * (ends[1] - ends[0]) / count;
+            for panel in 0..count as usize {
+                let centre = ends[0] + half * (2 * panel + 1) as f64;
+                for (node, weight) in NODES.iter().zip(WEIGHTS) {
+                    self.add_node(blur, span, (centre + half * node, half * weight), by_edge, beyond);
+                }
+            }
         }
     }
 

@@ -38,4 +38,4 @@ pub use cameras::shape::{Free, Shape};
 pub use cameras::view::CameraView;
 pub use memory::estimated_bytes;
 pub use particle::{FoundParticle, Particle};
-pub use stages::{Changes, Fit, FitOptions, Progress, fit};
+pub use stages::{Changes, Doubts, EXPLAINED, Fit, FitOptions, Progress, fit};

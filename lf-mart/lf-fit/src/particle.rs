@@ -19,3 +19,11 @@ pub struct FoundParticle {
     /// Standard uncertainty of the light, counts.
     pub light_std: f64,
 }
+
+impl FoundParticle {
+    /// Multiplies all variances.
+    pub(crate) fn widen(&mut self, factor: f64) {
+        self.covariance_mm2.iter_mut().for_each(|value| *value *= factor);
+        self.light_std *= factor.sqrt();
+    }
+}

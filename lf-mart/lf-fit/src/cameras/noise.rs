@@ -1,7 +1,7 @@
 //! The noise of a pixel: `variance = gain * expected counts + read variance`.
 
-use lf_core::Refusal;
 use lf_core::statistics::{ranked, upper_median};
+use lf_core::{Camera, Refusal};
 use ndarray::ArrayView2;
 
 /// Noise of a sensor.
@@ -166,6 +166,17 @@ pub struct KnownNoise {
     pub gain: Option<f64>,
     /// Variance of a pixel without light, counts^2.
     pub read_variance: Option<f64>,
+}
+
+impl KnownNoise {
+    /// These parts, and those of the camera's own noise that they lack.
+    pub(crate) fn of(&self, camera: &Camera) -> Self {
+        let own = camera.sensor_noise;
+        Self {
+            gain: self.gain.or(own.map(|noise| noise.gain_counts)),
+            read_variance: self.read_variance.or(own.map(|noise| noise.read_noise_counts.powi(2))),
+        }
+    }
 }
 
 /// Mean of the expected counts and robust mean of the squared differences.

@@ -4,6 +4,7 @@
 //! Another such unknown needs a field here with its lines in `values`, `moved`, `scales` and `model`, its flag in
 //! [`Free`], and its derivative among [`lf_core::particle_image::QUANTITIES`].
 
+use lf_core::camera::Blur;
 use lf_core::particle_image::ParticleModel;
 use lf_core::{Camera, Refusal};
 
@@ -13,6 +14,8 @@ pub(crate) const SHAPES: usize = 4;
 const SIZES_PX: [f64; 2] = [0.15, 5.0];
 /// Smallest and largest blur, pixels. A smaller one cannot be seen, and has no slope to grow by.
 const BLURS_PX: [f64; 2] = [0.05, 3.0];
+/// The blur that is tried where no camera file names one: every lenslet diffracts, and most light is green.
+pub(crate) const UNNAMED: Blur = Blur { sigma_px: 0.3, wavelength_nm: Some(550.0) };
 
 /// Size, drift and blur, pixels: of the focal plane, and of the sensor.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -32,7 +35,7 @@ pub struct Free {
     pub size: bool,
     /// The drift.
     pub drift: bool,
-    /// The blur of a camera that has one.
+    /// The blur, of a camera that has one or whose image shows one.
     pub blur: bool,
     /// The poses of further cameras.
     pub pose: bool,
@@ -40,8 +43,8 @@ pub struct Free {
 
 impl Free {
     /// Whether each unknown of a shape is fitted.
-    pub(crate) fn shapes(&self, camera: &Camera) -> [bool; SHAPES] {
-        [self.size, self.drift, self.drift, self.blur && camera.blur.is_some()]
+    pub(crate) fn shapes(&self, shape: &Shape) -> [bool; SHAPES] {
+        [self.size, self.drift, self.drift, self.blur && shape.blur_px.is_some()]
     }
 }
 
@@ -57,14 +60,26 @@ impl Shape {
         Self { blur_px, ..*self }
     }
 
+    /// The shape from which the blur of a camera that names none is searched.
+    pub(crate) fn blurred(&self) -> Self {
+        Self { blur_px: Some(UNNAMED.sigma_px), ..*self }
+    }
+
+    /// The unknowns that stand at an end of their range, with the end, px.
+    pub fn at_bounds(&self) -> Vec<(&'static str, f64)> {
+        let size = SIZES_PX.iter().find(|end| self.sigma_px == **end).map(|end| ("size", *end));
+        let blur = self.blur_px.filter(|px| *px == BLURS_PX[1]).map(|px| ("blur", px));
+        size.into_iter().chain(blur).collect()
+    }
+
     /// The camera with its lattice and its blur as they are found.
     pub fn camera(&self, camera: &Camera) -> Camera {
         let mut moved = camera.clone();
         for (axis, offset) in moved.microlenses.offset_mm.iter_mut().enumerate() {
             *offset += self.drift_px[axis] * camera.sensor.pixel_pitch_mm;
         }
-        if let (Some(blur), Some(sigma_px)) = (&mut moved.blur, self.blur_px) {
-            blur.sigma_px = sigma_px;
+        if let Some(sigma_px) = self.blur_px {
+            moved.blur = Some(Blur { sigma_px, ..camera.blur.unwrap_or(UNNAMED) });
         }
         moved
     }

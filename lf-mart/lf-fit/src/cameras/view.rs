@@ -91,7 +91,7 @@ impl<'a> CameraView<'a> {
             model: shape.model(camera, depth_mm)?,
             image,
             expected: vec![0.0; image.len()],
-            halo: Halo::new(camera).map(|kernel| HeldHalo { kernel, light: vec![0.0; image.len()] }),
+            halo: Halo::new(&shape.camera(camera)).map(|kernel| HeldHalo { kernel, light: vec![0.0; image.len()] }),
         })
     }
 
@@ -173,10 +173,19 @@ impl<'a> CameraView<'a> {
         lit.map(|(seen, light)| (*light, seen - light)).collect()
     }
 
+    /// Squared differences over variances of all pixels.
+    pub(crate) fn sum_of_squares(&self) -> f64 {
+        self.squares(f32::NEG_INFINITY).iter().map(|(sum, _)| sum).sum()
+    }
+
     /// Squared differences over variances of the pixels that are expected to be lit, by row: sum and number of pixels.
     fn misfits(&self) -> Vec<(f64, usize)> {
+        self.squares(LIT * self.noise.gain.max(self.noise.read_variance.sqrt()) as f32)
+    }
+
+    /// Squared differences over variances of the pixels that are expected to be brighter than `least`, by row.
+    fn squares(&self, least: f32) -> Vec<(f64, usize)> {
         let noise = &self.noise;
-        let least = LIT * noise.gain.max(noise.read_variance.sqrt()) as f32;
         let width = self.image.ncols();
         let of_row = |row: usize| {
             let (mut sum, mut count) = (0.0, 0usize);

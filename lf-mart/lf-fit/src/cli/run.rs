@@ -6,7 +6,10 @@ use glam::DMat3;
 use lf_core::camera::Pose;
 use lf_core::particles::{self, Uncertainty};
 use lf_core::{Camera, Error, Result, Session, Verdict, cli, io, volume};
-use lf_fit::{self as fit, CameraInput, CameraView, Changes, Fit, FitOptions, FoundParticle, Particle, Progress};
+use lf_fit::{
+    self as fit, CameraInput, CameraView, Changes, Doubts, EXPLAINED, Fit, FitOptions, FoundParticle, Particle,
+    Progress,
+};
 use serde_json::{Value, json};
 use std::path::Path;
 use std::process::ExitCode;
@@ -125,8 +128,36 @@ fn statistics(view: &CameraView) -> Value {
     found
 }
 
+/// Warns of a model that does not explain the image.
+fn warn_of_model(found: &Fit, session: &mut Session) {
+    let Fit { misfit, doubts: Doubts { misfit_sharp, is_stopped }, .. } = *found;
+    let shape = found.cameras[0].shape;
+    if let (Some(before), Some(sigma_px)) = (misfit_sharp, shape.blur_px) {
+        session.warn(format!(
+            "the image is blurred and camera.json does not say so: chi2 was {before:.2}; fitted with diffraction of green light \
+             and a blur of {sigma_px:.2} px; give camera.json a block 'blur' with wavelength_nm and sigma_px (lf-calib \
+             nominal --wavelength)"
+        ));
+    }
+    for (name, end) in shape.at_bounds() {
+        session.warn(format!(
+            "the {name} of the particles' images ran to its bound of {end} px and was held there: the camera or the \
+             background is wrong, or these are not particles"
+        ));
+    }
+    if misfit > EXPLAINED {
+        let stopped = if is_stopped { "; more particles did not help, so none were added" } else { "" };
+        session.warn(format!(
+            "noise does not explain the image: chi2 is {misfit:.2}, up to {EXPLAINED} is good{stopped}; uncertainties are \
+             {:.2} times as large for it; check the camera (lf-calib lattice, refine), its blur and the background",
+            misfit.sqrt()
+        ));
+    }
+}
+
 /// Counts and warns of what was found.
 fn report(arguments: &Arguments, found: &Fit, session: &mut Session) {
+    warn_of_model(found, session);
     session.count("particles", found.particles.len());
     session.count("chi2", found.misfit);
     for (name, value) in statistics(&found.cameras[0]).as_object().into_iter().flatten() {

@@ -223,7 +223,7 @@ impl<'a> Sample<'a> {
         let right = std::array::from_fn(|a| gradient[a] - dot(&mixed[a], &own));
         let reduced = std::array::from_fn(|a| std::array::from_fn(|b| matrix[a][b] - dot(&mixed[a], &solved[b])));
         let view = self.cameras.first();
-        let (step, std) = shape_step(&view.shape, self.free.shapes(view.camera), &right, &reduced);
+        let (step, std) = shape_step(&view.shape, self.free.shapes(&view.shape), &right, &reduced);
         let moves = (0..own.len())
             .map(|n| std::array::from_fn(|k| own[n][k] - (0..SHAPES).map(|a| solved[a][n][k] * step[a]).sum::<f64>()))
             .collect();
