@@ -16,8 +16,8 @@
 //!
 //! - Only lit voxels cost time, and each only once: windows that overlap share the sums of their common cells (after
 //!   Discetti & Astarita, Exp. Fluids, 2012).
-//! - Both windows move: each volume takes half of a trial shift, so a vector stands where it was measured, and exchanging the
-//!   volumes negates the field exactly.
+//! - Both windows move: each volume takes half of a trial shift, so a vector stands where it was measured, and
+//!   exchanging the volumes negates the field exactly.
 //! - The correlation is zero-mean and normalised by the energy of the voxels that each shift pairs, so that window
 //!   edges, gain and long particles do not pull the peak. The fit is a three-dimensional Gaussian that may be tilted.
 //! - Deformation sends each lit voxel to the midpoint of the predicted displacement, spread with a quintic spline. The

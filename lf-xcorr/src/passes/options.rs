@@ -42,10 +42,9 @@ impl Options {
 
     /// Constant: three or four repeats follow every gradient that can be followed.
     pub const REPEATS: usize = 6;
-    /// Constant: standard deviation, in windows, of the smoothing of the field that the next repeat or pass starts from.
-    /// Repeats sharpen what the smoothed field holds, noise included. At 0.35 a wave of four windows is
-    /// measured to 0.985 (0.90 without repeats) and noise grows by an eighth; at 0.5, 0.97 and by a fifteenth; at 0.25,
-    /// 0.99 and by a quarter.
+    /// Constant: standard deviation, in windows, of the smoothing of the field that the next repeat or pass starts
+    /// from. Repeats sharpen what it holds, noise included. At 0.35 a wave of four windows is measured to 0.985 (0.90
+    /// without repeats) and noise grows by an eighth; at 0.5, 0.97 and by a fifteenth; at 0.25, 0.99 and by a quarter.
     pub const SMOOTHING: f64 = 0.35;
     /// Constant: the last pass is repeated until the root mean square change of the vectors is below this, voxels. No
     /// correlation of particle images resolves it.
