@@ -12,7 +12,7 @@ use ndarray::Array2;
 /// Gain and read noise with their standard uncertainties, counts.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PhotonTransfer {
-    /// What was found.
+    /// Gain and read noise.
     pub noise: SensorNoise,
     /// Standard uncertainties of the same.
     pub uncertainty: SensorNoise,

@@ -729,7 +729,7 @@ mod tests {
         let centre = DVec2::new(1.0, 0.5);
         let place = optics.sensor_through(centre, hit, rim);
         assert!((centre - place).distance(DVec2::new(0.308 / 40.0, 0.0)) < 1e-12, "{place}");
-        // Of a lens of small aperture nothing but the paraxial rays shows.
+        // A lens of small aperture has paraxial rays only.
         camera.main_lens.working_f_number = 400.0;
         assert!(!camera.has_steep_rays());
         assert_eq!((Optics::new(&camera).beta(0.3), camera.bends()), (20.0, None));

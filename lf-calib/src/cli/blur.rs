@@ -8,7 +8,7 @@ use lf_core::{Camera, Session};
 const LEAST_PX: f64 = 0.1;
 const SIGMAS: f64 = 3.0;
 
-/// Puts a measured blur into the camera, unless there is none to speak of and the camera has no block for it.
+/// Puts a measured blur into the camera, unless it is small and the camera has no block for it.
 pub fn set_blur(camera: &mut Camera, found: RimBlur) {
     if camera.blur.is_none() && !is_notable(found) {
         return;
@@ -27,7 +27,7 @@ fn is_notable(found: RimBlur) -> bool {
 /// Reports the blur that the camera got, or why it got none.
 pub fn report_blur(found: Option<RimBlur>, camera: &Camera, session: &Session) {
     let Some(found) = found else {
-        session.explain("the rims of the lenslet images do not tell how blurred they are: the nominal blur is kept");
+        session.explain("the rims of the lenslet images do not show how blurred they are: the nominal blur is kept");
         return;
     };
     let RimBlur { sigma_px, uncertainty_px } = found;

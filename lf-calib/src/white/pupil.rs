@@ -36,7 +36,7 @@ impl Pupil {
         }
     }
 
-    /// Whether it is at infinity or behind the array, for all that the image tells.
+    /// Whether it is at infinity or behind the array, within its uncertainty.
     pub fn is_far(&self) -> bool {
         let [vergence, uncertainty] = self.vergence_per_mm;
         vergence <= SIGMAS * uncertainty

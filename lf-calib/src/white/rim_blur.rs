@@ -9,7 +9,7 @@ use super::image_lattice::ImageLattice;
 use crate::fit::lenslet_images::LensletImages;
 use crate::fit::{polynomial::Polynomial, polynomial::TiePoint, search::Search};
 use glam::{DMat2, DVec2};
-use lf_core::camera::{Aperture, Camera, Diffraction};
+use lf_core::camera::{Aperture, Camera};
 use nalgebra::{DMatrix, DVector};
 use ndarray::{Array2, s};
 use std::f64::consts::PI;
@@ -45,7 +45,7 @@ const UNFOLLOWED_PX2: f64 = 0.5;
 const START_PX2: f64 = 0.2;
 const LIMITS_PX2: [f64; 2] = [-0.3, 25.0];
 
-/// The blur of a white image whose camera is known, with the stop of the image. None if its rims do not tell.
+/// The blur of a white image whose camera is known, with the stop of the image. None if its rims do not show it.
 pub fn rim_blur(white: &Array2<f32>, camera: &Camera, lattice: &ImageLattice) -> Option<RimBlur> {
     let cell = MeanCell::new(white, camera, lattice)?;
     let half_px = 0.5 * camera.demagnification() * camera.aperture_mm() / camera.sensor.pixel_pitch_mm;
@@ -217,17 +217,8 @@ fn terms(camera: &Camera, basis_px: DMat2, count: usize, bins: usize) -> Vec<Ter
         let frequency = inverse * order;
         let pixel = sinc(frequency.x) * sinc(frequency.y);
         let bin = sinc(order.x / bins as f64) * sinc(order.y / bins as f64);
-        let diffracted = match diffraction {
-            None => 1.0,
-            Some(Diffraction::Square { unit_px }) => {
-                let along = [frequency.dot(axis), frequency.perp_dot(axis)];
-                along.iter().map(|along| (1.0 - (along * unit_px).abs()).max(0.0)).product()
-            }
-            Some(Diffraction::Disc { unit_px }) => {
-                let s = (frequency.length() * unit_px).min(1.0);
-                2.0 / PI * (s.acos() - s * (1.0 - s * s).sqrt())
-            }
-        };
+        let along = DVec2::new(frequency.dot(axis), axis.perp_dot(frequency));
+        let diffracted = diffraction.map_or(1.0, |pattern| pattern.contrast(along));
         Term { frequency, transfer: pixel * bin * diffracted }
     };
     (0..side * side).map(term).collect()
