@@ -218,7 +218,7 @@ fn terms(camera: &Camera, basis_px: DMat2, count: usize, bins: usize) -> Vec<Ter
         let pixel = sinc(frequency.x) * sinc(frequency.y);
         let bin = sinc(order.x / bins as f64) * sinc(order.y / bins as f64);
         let along = DVec2::new(frequency.dot(axis), axis.perp_dot(frequency));
-        let diffracted = diffraction.map_or(1.0, |pattern| pattern.contrast(along));
+        let diffracted = diffraction.map_or(1.0, |pattern| pattern.transfer(along));
         Term { frequency, transfer: pixel * bin * diffracted }
     };
     (0..side * side).map(term).collect()

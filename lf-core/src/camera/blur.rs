@@ -45,10 +45,7 @@ impl Diffraction {
     /// itself when it is moved.
     pub fn transfer(&self, frequency: DVec2) -> f64 {
         match self {
-            Self::Square { unit_px } => {
-                let left = (DVec2::ONE - unit_px * frequency.abs()).max(DVec2::ZERO);
-                left.x * left.y
-            }
+            Self::Square { unit_px } => (1.0 - frequency.abs() * *unit_px).max(DVec2::ZERO).element_product(),
             Self::Disc { unit_px } => {
                 let moved = (unit_px * frequency.length()).min(1.0);
                 (moved.acos() - moved * (1.0 - moved * moved).sqrt()) * 2.0 / PI

@@ -91,9 +91,9 @@ pub struct Doubts {
     pub is_stopped: bool,
 }
 
-/// The largest misfit that noise explains. Right models of real optics leave 0.95 to 1.06; a forgotten blur of 0.3 px
-/// leaves 1.2 to 1.7.
-pub const EXPLAINED: f64 = 1.15;
+/// The largest misfit that noise explains. Right models of real optics leave 0.95 to 1.06 under the noise of a sensor, and
+/// up to 1.34 under that of few rays; an f-number 2 % off leaves 1.9, a pitch 0.03 % off 2.2.
+pub const EXPLAINED: f64 = 1.4;
 
 /// Differences between the stages of one camera and those of several.
 #[derive(Debug)]
@@ -144,6 +144,9 @@ const SWEEP_GAIN: f64 = 0.03;
 const GAIN: f64 = 25.0;
 /// Number of rounds that try again the candidates that were not kept.
 const ADD_ROUNDS: usize = 2;
+/// With a blur that the camera does not name, at most this share of the particles is left: less than half in all frames
+/// tried. A lattice that is off makes a blur look good too, but leaves as many.
+const FEWER: f64 = 0.8;
 /// Rounds of a fit that noise does not explain end when the misfit falls by less than from 1 to this.
 const LEAST_FALL: f64 = 0.99;
 /// Rounds end when they change less than this share of the particles.
@@ -309,11 +312,12 @@ impl<'a, 'o> Stages<'a, 'o> {
         let maxima = self.particles.list.clone();
         self.share_light();
         align(&mut self.particles, self.prior, false);
+        let mut is_open = false;
         for (n, what) in self.schedule.first_fits.iter().enumerate() {
             self.fit(what, FIRST_STEPS);
             self.find_noise();
             if n == 0 {
-                self.try_blur(&maxima)?;
+                is_open = self.try_blur(&maxima, FEWER)?;
             }
             let is_settled = self.fit_shape()?;
             self.align();
@@ -321,33 +325,45 @@ impl<'a, 'o> Stages<'a, 'o> {
                 break;
             }
         }
+        if is_open {
+            self.fit("fit", FIRST_STEPS);
+            self.try_blur(&maxima, f64::INFINITY)?;
+            self.fit_shape()?;
+            self.fit("fit", FIRST_STEPS);
+            self.find_noise();
+            self.fit_shape()?;
+        }
         Ok(())
     }
 
-    /// Begins anew with a blur if the camera names none, noise does not explain the image, and a blur does better with
-    /// its particles.
-    fn try_blur(&mut self, maxima: &[Particle]) -> Result<(), Refusal> {
+    /// Begins anew with a blur if the camera names none and a blur does better with its own particles, of which there
+    /// may be `most` times as many. The misfit does not show it, because the noise is found too. Returns whether a blur
+    /// does better, but not with so few particles.
+    fn try_blur(&mut self, maxima: &[Particle], most: f64) -> Result<bool, Refusal> {
         let CameraView { camera, image, depth_mm, noise, shape, .. } = *self.particles.cameras.first();
-        let misfit = self.particles.cameras.misfit();
-        let is_asked = self.is_alone() && self.options.free.blur && shape.blur_px.is_none();
-        if !is_asked || misfit <= EXPLAINED {
-            return Ok(());
+        if !self.is_alone() || !self.options.free.blur || shape.blur_px.is_some() {
+            return Ok(false);
         }
-        let cost =
-            |particles: &Particles| particles.cameras.first().sum_of_squares() + GAIN * particles.list.len() as f64;
-        let view = CameraView::new(camera, image, shape.blurred(), depth_mm, noise)?;
+        let misfit = self.particles.cameras.misfit();
+        let count = |particles: &Particles| particles.list.len() as f64;
+        let cost = |particles: &Particles| particles.cameras.first().sum_of_squares() + GAIN * count(particles);
+        // A size that was found without a blur is too large.
+        let shape = Shape { sigma_px: self.options.shape.sigma_px, ..shape.blurred() };
+        let view = CameraView::new(camera, image, shape, depth_mm, noise)?;
         let blurred = Particles::new(Cameras { views: vec![view] }, maxima.to_vec())?;
         let sharp = std::mem::replace(&mut self.particles, blurred);
         let faint = std::mem::take(&mut self.candidates);
         self.share_light();
-        self.fit("first fit with a blur", FIRST_STEPS);
-        if cost(&self.particles) < cost(&sharp) {
+        self.fit("fit with a blur", FIRST_STEPS);
+        let is_better = cost(&self.particles) < cost(&sharp);
+        let is_taken = is_better && count(&self.particles) <= most * count(&sharp);
+        if is_taken {
             self.doubts.misfit_sharp = Some(misfit);
             self.find_noise();
         } else {
             (self.particles, self.candidates) = (sharp, faint);
         }
-        Ok(())
+        Ok(is_better && !is_taken)
     }
 
     /// Whether the list has one camera.
