@@ -109,12 +109,17 @@ fn blurred_cameras(sigma_px: f64) -> impl Iterator<Item = (String, Camera)> {
     })
 }
 
+/// Whether the image is a product of factors along the axes, which has no error of its own.
+fn is_product(name: &str) -> bool {
+    name.starts_with("Square 0 Square") && !name.contains("medium")
+}
+
 #[test]
 fn blurred_light_is_where_rays_fall() {
     const RAYS: usize = 20_000;
-    // The rays' own noise, far from focus, and the model's error.
-    let most = 3.2 / (RAYS as f64).sqrt() + 0.012;
     for (name, camera) in [0.3, 0.8].into_iter().flat_map(blurred_cameras) {
+        // The rays' own noise, far from focus, and the model's error.
+        let most = 3.2 / (RAYS as f64).sqrt() + if is_product(&name) { 0.0 } else { 0.012 };
         for place in PLACES {
             let distance = distance_from_blurred_rays(&camera, place, RAYS);
             assert!(distance < most, "{name} {place:?}: {distance:.5}");
@@ -127,6 +132,7 @@ fn blurred_light_is_where_rays_fall() {
 #[test]
 fn derivatives_of_blurred_light_are_near_its_differences() {
     const BLUR_PX: f64 = 0.4;
+    const OF_REACH: f64 = 0.08;
     for (name, camera) in blurred_cameras(BLUR_PX).filter(|(name, _)| !name.contains("medium")) {
         let model = |sigma: f64, shift: [f64; 2], blur: f64| {
             let mut camera = camera.clone();
@@ -161,7 +167,9 @@ fn derivatives_of_blurred_light_are_near_its_differences() {
                 // A derivative that is all but 0 is compared with the light over the size of the particle.
                 let unit = if quantity == 7 { 1.0 } else { SIGMA_MM };
                 let off = (off / (size + 1e-3 * light / (unit * unit))).sqrt();
-                let most = [0.08, 0.08, 0.08, 0.08, 0.3, 0.1, 0.1, 0.25][quantity];
+                let most: f64 = [0.08, 0.08, 0.08, 0.08, 0.3, 0.1, 0.1, 0.25][quantity];
+                // Without a bump only the light beyond the reach of the blur is left out, pixel by pixel.
+                let most = if is_product(&name) { most.min(OF_REACH) } else { most };
                 assert!(off < most, "{name} {place:?} quantity {quantity}: {off:.3}");
             }
         }
