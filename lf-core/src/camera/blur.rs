@@ -41,8 +41,8 @@ impl Diffraction {
         }
     }
 
-    /// Transfer of the pattern at a frequency along the axes of the lattice, 1/px: the overlap of the lenslet's cell with
-    /// itself when it is moved.
+    /// Transfer of the pattern at a frequency along the axes of the lattice, 1/px: the overlap of the lenslet's cell
+    /// with itself when it is moved.
     pub fn transfer(&self, frequency: DVec2) -> f64 {
         match self {
             Self::Square { unit_px } => (1.0 - frequency.abs() * *unit_px).max(DVec2::ZERO).element_product(),

@@ -19,6 +19,7 @@
 
 use super::axis::Axis;
 use super::cross::Cross;
+use super::edge_sums::{Edge, EdgeSums};
 use super::factor::Factor;
 use super::lenslet_image::LensletImage;
 use super::place::Place;
@@ -34,22 +35,6 @@ const PANEL_OF_BLUR: f64 = 2.5;
 const PANEL_OF_SPOT: f64 = 4.0;
 /// A normal distribution is 0 or 1 beyond this many standard deviations.
 const REACH: f64 = 4.0;
-
-/// A pixel's edge along one axis: the integral of H times the normal distribution up to the edge, and its derivatives.
-#[derive(Debug, Clone, Copy, Default)]
-struct Edge {
-    /// The integral; its derivatives by the place on the array, plain and times the place in the stop, and by the size.
-    by_cell: [f64; 4],
-    /// Its derivatives by the place of the edge in the stop, and by the blur.
-    by_kernel: [f64; 2],
-}
-
-impl Edge {
-    #[inline(always)]
-    fn add(&mut self, cell: &[f64; 4], share: f64) {
-        self.by_cell.iter_mut().zip(cell).for_each(|(sum, value)| *sum += share * value);
-    }
-}
 
 /// An end of H along the stop, of the cell or of the stop itself.
 #[derive(Debug, Clone, Copy)]
@@ -92,15 +77,6 @@ pub(super) struct Span<'a> {
     /// The first pixel, and the places of all edges in the stop.
     pub(super) first: i64,
     pub(super) edges: &'a [Place],
-}
-
-/// Buffers of a thread.
-#[derive(Debug, Default)]
-pub(super) struct EdgeSums {
-    ends: Vec<f64>,
-    edges: Vec<Edge>,
-    /// What all edges beyond one have, by the first of them.
-    beyond: Vec<[f64; 4]>,
 }
 
 impl LensletImage<'_, Cross> {

@@ -2,9 +2,9 @@
 
 use super::axis::Axis;
 use super::beam::Beam;
-use super::blurred_factors::EdgeSums;
 use super::cell_surface::{REACH_SIGMA, Tables};
 use super::cross::{Cross, LineJet, Read};
+use super::edge_sums::EdgeSums;
 use super::factor::Factor;
 use super::lenslet_lines::LensletLine;
 use super::mean::Mean;

@@ -35,6 +35,7 @@ mod blurred;
 mod blurred_factors;
 mod cell_surface;
 mod cross;
+mod edge_sums;
 mod factor;
 mod lenslet_image;
 mod lenslet_lines;

@@ -1,9 +1,10 @@
 //! The image of a cell that is a rectangle along the axes: light is a factor along x times one along y.
 
 use super::axis::Axis;
-use super::blurred_factors::{EdgeSums, Span};
+use super::blurred_factors::Span;
 use super::cell_surface::REACH_SIGMA;
 use super::cross::Cross;
+use super::edge_sums::EdgeSums;
 use super::factor::Factor;
 use super::lenslet_image::{BY_POINTS, Cut, LIGHT, LensletImage, NODES, PLACES, Patch, QUANTITIES, Scratch};
 use super::lenslet_lines::LensletLine;

@@ -78,11 +78,11 @@ pub struct Fit<'a> {
     pub cameras: Vec<CameraView<'a>>,
     /// Mean squared difference over variance where light is expected.
     pub misfit: f64,
-    /// What the model did not explain at first.
+    /// Doubts of the model that arose on the way.
     pub doubts: Doubts,
 }
 
-/// Doubts of the model that arose on the way.
+/// Doubts of the model.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Doubts {
     /// The misfit without a blur, where the camera names none and the image asked for one.
@@ -91,8 +91,8 @@ pub struct Doubts {
     pub is_stopped: bool,
 }
 
-/// The largest misfit that noise explains. Right models of real optics leave 0.95 to 1.06 under the noise of a sensor, and
-/// up to 1.34 under that of few rays; an f-number 2 % off leaves 1.9, a pitch 0.03 % off 2.2.
+/// The largest misfit that noise explains. Right models of real optics leave 0.95 to 1.06 under the noise of a sensor,
+/// and up to 1.34 under that of few rays; an f-number 2 % off leaves 1.9, a pitch 0.03 % off 2.2.
 pub const EXPLAINED: f64 = 1.4;
 
 /// Differences between the stages of one camera and those of several.
@@ -523,7 +523,7 @@ impl<'a, 'o> Stages<'a, 'o> {
         let misfit = self.particles.cameras.misfit();
         let mut particles = self.particles.uncertainties(self.prior);
         if misfit > EXPLAINED {
-            // What noise does not explain is an error too.
+            // Errors of the model are errors of the places too.
             particles.iter_mut().for_each(|particle| particle.widen(misfit));
         }
         Fit { particles, cameras: self.particles.cameras.views, misfit, doubts: self.doubts }

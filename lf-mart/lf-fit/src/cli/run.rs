@@ -139,12 +139,13 @@ fn warn_of_model(found: &Fit, session: &mut Session) {
              nominal --wavelength)"
         ));
     }
-    for (name, end) in shape.at_bounds() {
+    let bounds = shape.at_bounds();
+    bounds.iter().for_each(|(name, end)| {
         session.warn(format!(
             "the {name} of the particles' images ran to its bound of {end} px and was held there: the camera or the \
              background is wrong, or these are not particles"
         ));
-    }
+    });
     if misfit > EXPLAINED {
         let stopped = if is_stopped { "; more particles did not help, so none were added" } else { "" };
         session.warn(format!(
