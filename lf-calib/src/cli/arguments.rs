@@ -79,8 +79,7 @@ pub enum Task {
     /// gets both as sensor_noise.
     #[command(after_help = "Examples; the first three make the images of the last:
   for n in 1 2; do lf-synth scene demo --set seed=$n | lf-synth white -o white-$n.exr; done
-  lf-synth scene demo | lf-synth dark -o dark.exr
-  lf-synth scene demo | lf-synth frames -o demo
+  lf-synth scene demo | lf-synth dark -o dark.exr; lf-synth scene demo | lf-synth frames -o demo
   lf-calib noise white-1.exr white-2.exr --dark dark.exr -c demo/camera.json -v")]
     Noise(NoiseArguments),
     /// Per-pixel minimum, a low quantile or the mean of many frames, or a minimum about each frame
