@@ -77,7 +77,7 @@ pub enum Task {
     /// The variance of a pixel grows with its counts by the gain, counts for an electron; without light it is that of
     /// the read noise. Two or more white images of the same light show the first, dark images the second. The camera
     /// gets both as sensor_noise.
-    #[command(after_help = "Examples; the first three make the images of the last:
+    #[command(after_help = "Examples; the first two make the images of the last:
   for n in 1 2; do lf-synth scene demo --set seed=$n | lf-synth white -o white-$n.exr; done
   lf-synth scene demo | lf-synth dark -o dark.exr; lf-synth scene demo | lf-synth frames -o demo
   lf-calib noise white-1.exr white-2.exr --dark dark.exr -c demo/camera.json -v")]
