@@ -76,11 +76,6 @@ def scene(folder, base, *keys, dark=None, task="frames", words="", kept=False):
     return made
 
 
-def text(value):
-    """A value for `--set`."""
-    return json.dumps(value)
-
-
 def load(path):
     with open(path) as file:
         return json.load(file)

@@ -2,14 +2,15 @@
 
 The camera is not the true one: `lf-calib` makes it from data sheets and a noisy white image.
 """
+import json
+
 import lab
-from lab import Run
+from lab import PIXEL, Run
 
 WAVELENGTH_NM, BLUR_PX = 532, 0.3
 SENSOR = {"photon_noise": True, "gain_counts_per_electron": 0.5, "read_noise_electrons": 3, "bits": 12, "dark_counts": 40}
 WHITE, WHITES = {"counts": 2000, "rays_per_lenslet": 200000}, 2
 SIDE = 560  # px
-PIXEL = 0.0055  # mm, on the sensor
 
 
 class Case:
@@ -31,8 +32,8 @@ class Case:
         return [f"camera.{key}={value}" for key, value in lenses.items()]
 
 
-# Half of the combinations, such that each pair of settings is there. All lattices are turned, as real ones are: in line
-# with the pixels, a white image of a square stop hardly shows the pitch.
+# Six of the sixteen combinations, such that each pair of settings is there. All lattices are turned, as real ones are:
+# in line with the pixels, a white image of a square stop hardly shows the pitch.
 CASES = [Case("square", 0.003, "square"), Case("square", 0.003, "circle", 8), Case("hexagonal", 0.003, "circle"),
          Case("hexagonal", 0.003, "square", 8, 0.5), Case("square", 0.003, "circle", 4, 0.5),
          Case("hexagonal", 0.003, "square")]
@@ -48,7 +49,7 @@ def render(folder, case, density, seed, *keys, base="uniform", frames=1, blur_px
     half = half_mm / case.magnification
     blur = [] if blur_px is None else [f'camera.blur={{"wavelength_nm": {WAVELENGTH_NM}, "sigma_px": {blur_px}}}']
     camera = [*case.keys(), *blur, f"camera.sensor.width={side}", f"camera.sensor.height={side}"]
-    noise = [f"sensor_noise={lab.text(SENSOR)}"]
+    noise = [f"sensor_noise={json.dumps(SENSOR)}"]
     scene = [*camera, f"seed={seed}", f"frames={frames}", f"particles.per_lenslet={density}", "particles.rays=400000",
              *box(half, half, case.depth), "truth=null", *keys]
     lab.scene(folder, base, *scene, *noise, dark=f'sensor_noise={{"dark_counts": {SENSOR["dark_counts"]}}}', kept=True)
@@ -60,7 +61,7 @@ def calibrate(folder, case, camera, noise, blur_px, side):
     # Images of a square stop touch and leave no gaps: its white image is taken with a smaller one.
     closed = case.stop == "square"
     white = WHITE | ({"working_f_number": 1.3 * case.f_number} if closed else {})
-    keys = [*camera, *noise, f"white={lab.text(white)}", "truth=null"]
+    keys = [*camera, *noise, f"white={json.dumps(white)}", "truth=null"]
     lab.save(f"{folder}/white.json", Run("lf-synth scene uniform", *lab.setting(keys)).json())
     whites = [f"{folder}/white-{n}.exr" for n in range(WHITES)]
     for n, white in enumerate(whites):

@@ -32,13 +32,11 @@ pub enum Task {
     /// Prints camera.json, the start of every calibration, and says which depths the camera resolves, how large voxels
     /// should be and where a dot target should stand. Warns of parts that do not fit each other. Lengths take a unit,
     /// as 5.5um or 20cm; without one they are mm.
-    #[command(after_help = "Examples; the second is before a tank of water, the last a microscope:
+    #[command(after_help = "Examples; the second is before a tank of water:
   lf-calib nominal --sensor 6600x4400 --pixel 5.5um --f 200 --magnification 1 --f-number 4 \\
       --pitch 77um --lenslet-f 308um -o nominal.json
   lf-calib nominal --sensor 6600x4400 --pixel 5.5um --f 200 --magnification 0.95 --ring 4 \\
-      --pitch 77um --lenslet-f 600um --layout hexagonal --water -o nominal.json
-  lf-calib nominal --sensor 1608x1208 --pixel 6.5um --microscope 0.5,1.33 --f 9 --tube-lens 200 \\
-      --pitch 125um --lenslet-f 2.5mm -o nominal.json")]
+      --pitch 77um --lenslet-f 600um --layout hexagonal --water -o nominal.json")]
     Nominal(NominalArguments),
     /// Find the microlens lattice in white images
     ///

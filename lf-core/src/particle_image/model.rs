@@ -6,6 +6,7 @@ use super::lenslet_image::{LIGHT, LensletImage, Listed, PLACES, Patch, QUANTITIE
 use super::lenslet_lines::LensletLines;
 use super::sensor_blur::SensorBlur;
 use super::view::View;
+use crate::halo::Halo;
 use crate::{Camera, Optics, Refusal, camera::Aperture, weights::check_depth_mm};
 use glam::DVec2;
 use std::f64::consts::PI;
@@ -92,6 +93,11 @@ impl ParticleModel {
     /// Standard deviation of a particle, mm.
     pub fn sigma_mm(&self) -> f64 {
         self.sigma_mm
+    }
+
+    /// The far light around the images; None if nothing diffracts.
+    pub fn halo(&self) -> Option<&Halo> {
+        self.view.blur.as_ref()?.halo.as_ref()
     }
 
     /// Columns and rows of the sensor.

@@ -8,8 +8,9 @@ use crate::{Camera, halo::Halo};
 pub(super) struct SensorBlur {
     /// Standard deviation of its Gaussian, px.
     pub(super) sigma_px: f64,
-    /// Share of the light that the Gaussian stands for; the rest is in the camera's [`crate::halo::Halo`].
+    /// Share of the light that the Gaussian stands for; the rest is in the halo.
     pub(super) share: f64,
+    pub(super) halo: Option<Halo>,
     pub(super) bell: Bell,
 }
 
@@ -36,8 +37,11 @@ impl SensorBlur {
     /// None for a sharp camera.
     pub(super) fn new(camera: &Camera) -> Option<Self> {
         let sigma_px = camera.blur_core_px();
-        let share = Halo::new(camera).map_or(1.0, |halo| halo.middle_share());
-        (sigma_px > 0.0).then(|| Self { sigma_px, share, bell: Bell::new() })
+        (sigma_px > 0.0).then(|| {
+            let halo = Halo::new(camera);
+            let share = halo.as_ref().map_or(1.0, Halo::middle_share);
+            Self { sigma_px, share, halo, bell: Bell::new() }
+        })
     }
 
     /// Pixels beyond a sharp image that light reaches.

@@ -254,7 +254,9 @@ fn portable_code_finds_the_same_hits() {
             for (rows, slot) in sets().take(5).flat_map(|rows| [None, Some(0), Some(1)].map(|slot| (rows, slot))) {
                 let wanted = Wanted { rows, lenslets: 0..array.rows(), layout, remainders: &remainders };
                 let (mut hits, mut portable, mut found) = (Hits::new(), Hits::new(), 0);
-                for n in 0..4000 {
+                // A telecentric camera of a dense medium meets few of these places: it is asked for more.
+                let places = if name == "telecentric" { 40_000 } else { 4000 };
+                for n in 0..places {
                     let slice = micro.slice(n * 7 % 21);
                     let (x, y) = ((n * 37 % 101) as f32 * 0.001 - 0.05, (n * 53 % 97) as f32 * 0.001 - 0.05);
                     let node = slice.bend.as_ref().map(|bend| bend.near(DVec2::new(f64::from(x), f64::from(y))));
@@ -272,7 +274,7 @@ fn portable_code_finds_the_same_hits() {
                     assert!(hits.cut.iter().zip(portable.cut.iter()).all(same), "{name}");
                     found += hits.all.count;
                 }
-                assert!(found > 10 || slot == Some(1), "{name}: {found}");
+                assert!(found > 100 || slot == Some(1), "{name}: {found}");
             }
         }
     }

@@ -15,7 +15,7 @@ const SIZES_PX: [f64; 2] = [0.15, 5.0];
 /// Smallest and largest blur, pixels. A smaller one cannot be seen, and has no slope to grow by.
 const BLURS_PX: [f64; 2] = [0.05, 3.0];
 /// The blur that is tried where no camera file names one: every lenslet diffracts, and most light is green.
-pub(crate) const UNNAMED: Blur = Blur { sigma_px: 0.15, wavelength_nm: Some(550.0) };
+const UNNAMED: Blur = Blur { sigma_px: 0.15, wavelength_nm: Some(550.0) };
 
 /// Size, drift and blur, pixels: of the focal plane, and of the sensor.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -7,7 +7,6 @@ use super::noise::{MOST_PIXELS, Noise};
 use super::shape::{SHAPES, Shape};
 use crate::particle::Particle;
 use lf_core::camera::Pose;
-use lf_core::halo::Halo;
 use lf_core::particle_image::ParticleModel;
 use lf_core::{Camera, Grid, Optics, Refusal};
 use ndarray::Array2;
@@ -41,15 +40,8 @@ pub struct CameraView<'a> {
     pub(crate) image: &'a Array2<f32>,
     /// Expected counts of each pixel of the image.
     pub(crate) expected: Vec<f32>,
-    /// Far light of diffraction, which a pass over the particles holds; None if nothing diffracts.
-    pub(crate) halo: Option<HeldHalo>,
-}
-
-/// Far light of diffraction, and its part in the expected counts.
-#[derive(Debug, Clone)]
-pub(crate) struct HeldHalo {
-    kernel: Halo,
-    pub(crate) light: Vec<f32>,
+    /// Far light of diffraction in the expected counts. A pass over the particles holds it. None if nothing diffracts.
+    pub(crate) halo: Option<Vec<f32>>,
 }
 
 /// Particles may leave the depths of the volume by this number of pixels of the focal plane.
@@ -77,6 +69,7 @@ impl<'a> CameraView<'a> {
         depth_mm: [f64; 2],
         noise: Noise,
     ) -> Result<Self, Refusal> {
+        let model = shape.model(camera, depth_mm)?;
         Ok(Self {
             camera,
             shape,
@@ -88,10 +81,10 @@ impl<'a> CameraView<'a> {
             shared: 0,
             pixel_mm: camera.pixel_in_focus_mm(),
             depth_mm,
-            model: shape.model(camera, depth_mm)?,
+            halo: model.halo().map(|_| vec![0.0; image.len()]),
+            model,
             image,
             expected: vec![0.0; image.len()],
-            halo: Halo::new(&shape.camera(camera)).map(|kernel| HeldHalo { kernel, light: vec![0.0; image.len()] }),
         })
     }
 
@@ -111,15 +104,15 @@ impl<'a> CameraView<'a> {
     /// Forgets all expected counts.
     pub(crate) fn darken(&mut self) {
         self.expected.fill(0.0);
-        self.halo.iter_mut().for_each(|halo| halo.light.fill(0.0));
+        self.halo.iter_mut().for_each(|light| light.fill(0.0));
     }
 
     /// Spreads the far light of diffraction anew, around the light that is expected now.
     pub(crate) fn spread_halo(&mut self) {
-        let Some(HeldHalo { kernel, light }) = &mut self.halo else { return };
-        self.expected.iter_mut().zip(&*light).for_each(|(expected, halo)| *expected -= halo);
-        *light = kernel.around(&self.expected, self.image.ncols());
-        self.expected.iter_mut().zip(&*light).for_each(|(expected, halo)| *expected += halo);
+        let (Some(light), Some(halo)) = (&mut self.halo, self.model.halo()) else { return };
+        self.expected.iter_mut().zip(&*light).for_each(|(expected, far)| *expected -= far);
+        *light = halo.around(&self.expected, self.image.ncols());
+        self.expected.iter_mut().zip(&*light).for_each(|(expected, far)| *expected += far);
     }
 
     /// Columns and rows of its sensor.

@@ -109,7 +109,7 @@ impl<'a> Sample<'a> {
         }
         if let Some(halo) = &view.halo {
             for (n, light) in window.light.iter_mut().enumerate() {
-                *light += halo.light[(low[1] + n / window.columns) * size[0] + low[0] + n % window.columns];
+                *light += halo[(low[1] + n / window.columns) * size[0] + low[0] + n % window.columns];
             }
         }
         Ok((!particles.is_empty()).then_some(Self { cameras: own, window, particles, free }))
