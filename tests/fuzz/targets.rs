@@ -125,7 +125,10 @@ pub fn image(bytes: &[u8]) -> bool {
 
 pub fn text(bytes: &[u8]) -> bool {
     info::FileKind::of(bytes).about();
+    info::vti(bytes).to_string();
     let Ok(text) = str::from_utf8(bytes) else { return false };
+    info::table(text).to_string();
+    info::picture(text).to_string();
     let _ = info::centres(text).map(|about| about.to_string());
     let _ = info::json(text).map(|about| about.to_string());
     true

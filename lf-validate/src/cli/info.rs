@@ -51,8 +51,10 @@ fn description(bytes: io::Bytes, name: &str, channel: Option<Channel>) -> Result
         FileKind::Image => image(&Stack::from_bytes(bytes, name)?, channel),
         FileKind::Json => info::json(text(&bytes)?).map_err(refused),
         FileKind::Particles => info::particles(text(&bytes)?).map_err(refused),
+        FileKind::Table => Ok(info::table(text(&bytes)?)),
         FileKind::Centres => info::centres(text(&bytes)?).map_err(refused),
-        FileKind::Export(title, reader) => Ok(info::export(title, reader)),
+        FileKind::Vti => Ok(info::vti(&bytes)),
+        FileKind::Picture => Ok(info::picture(text(&bytes)?)),
     }
 }
 

@@ -89,7 +89,9 @@ pub fn open_truth(
             particles::warn_unmarked(text()?, &name, session);
             Ok(TrueDisplacement::Tracks(tracks(&particles, frames.unwrap_or([0, 1])).map_err(named)?))
         }
-        FileKind::Volume | FileKind::Centres | FileKind::Export(..) => Err(refused("another kind of file".to_owned())),
+        FileKind::Volume | FileKind::Table | FileKind::Centres | FileKind::Vti | FileKind::Picture => {
+            Err(refused("another kind of file".to_owned()))
+        }
         FileKind::Field | FileKind::Image => Ok(TrueDisplacement::Field(Box::new(Field::from_bytes(&bytes, &name)?))),
     }
 }

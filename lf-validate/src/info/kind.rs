@@ -19,10 +19,14 @@ pub enum FileKind {
     Json,
     /// `particles.csv`.
     Particles,
+    /// A vector field as text.
+    Table,
     /// The lenslets of a white image, from `lf-calib lattice --centres`.
     Centres,
-    /// A file for other programs: what it is, and what reads it.
-    Export(&'static str, &'static str),
+    /// A vector field for ParaView.
+    Vti,
+    /// An SVG picture.
+    Picture,
 }
 
 impl FileKind {
@@ -42,16 +46,16 @@ impl FileKind {
         for (start, kind) in [
             ("{", Self::Json),
             ("frame,", Self::Particles),
+            ("x_mm,y_mm,z_mm,u_mm,", Self::Table),
             ("i,j,x_px,y_px,", Self::Centres),
-            ("x_mm,y_mm,z_mm,u_mm,", Self::Export("vector field as text (.csv)", "spreadsheets")),
-            ("<svg", Self::Export("picture (.svg)", "browsers")),
+            ("<svg", Self::Picture),
         ] {
             if text.starts_with(start.as_bytes()) {
                 return Ok(kind);
             }
         }
         if text.starts_with(b"<") && text[..text.len().min(200)].windows(8).any(|word| word == b"<VTKFile") {
-            return Ok(Self::Export("image data of VTK (.vti)", "ParaView"));
+            return Ok(Self::Vti);
         }
         Err(Refusal::new(unknown(bytes, text), WANTED))
     }
@@ -116,13 +120,10 @@ mod tests {
             (b"\xef\xbb\xbf {\"sensor\": 1}", FileKind::Json),
             (b"frame,id,x_mm,y_mm,z_mm,intensity\n", FileKind::Particles),
             (b"# frame: right-handed\nframe,id,x_mm,y_mm,z_mm,intensity\n", FileKind::Particles),
-            (b"x_mm,y_mm,z_mm,u_mm,v_mm,w_mm\n", FileKind::Export("vector field as text (.csv)", "spreadsheets")),
+            (b"x_mm,y_mm,z_mm,u_mm,v_mm,w_mm\n", FileKind::Table),
             (b"i,j,x_px,y_px,residual_x_px,residual_y_px,kept\n", FileKind::Centres),
-            (
-                b"<?xml version=\"1.0\"?>\n<VTKFile type=\"ImageData\">",
-                FileKind::Export("image data of VTK (.vti)", "ParaView"),
-            ),
-            (b"<svg width=\"10\"></svg>", FileKind::Export("picture (.svg)", "browsers")),
+            (b"<?xml version=\"1.0\"?>\n<VTKFile type=\"ImageData\">", FileKind::Vti),
+            (b"<svg width=\"10\"></svg>", FileKind::Picture),
         ] {
             assert_eq!(FileKind::of(bytes), Ok(kind));
         }

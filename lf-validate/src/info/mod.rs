@@ -15,4 +15,4 @@ pub use data::{field, image, volume};
 pub use description::Description;
 pub use kind::FileKind;
 pub use objects::json;
-pub use tables::{centres, export, particles};
+pub use tables::{centres, particles, picture, table, vti};

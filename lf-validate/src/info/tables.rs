@@ -57,10 +57,13 @@ fn uncertainties(particles: &[Particle], about: &mut Description) {
     about.line("uncertainty", format!("median of x {sx}, y {sy}, z {sz} mm, light {light} %"));
 }
 
-/// Describes a file that the tools write for other programs and do not read.
-pub fn export(title: &str, reader: &str) -> Description {
-    let mut about = Description::new(title);
-    about.line("read by", reader);
+/// Describes a vector field as text. `text` is the whole file.
+pub fn table(text: &str) -> Description {
+    let mut about = Description::new("vector field as text (.csv)");
+    let vectors = text.lines().skip(1).filter(|line| !line.trim().is_empty()).count();
+    about.line("vectors", whole(vectors as u64));
+    about.line("columns", text.lines().next().unwrap_or_default());
+    about.line("read by", "spreadsheets; the tools read the same field as EXR");
     about
 }
 
@@ -85,6 +88,38 @@ pub fn centres(text: &str) -> Result<Description, Refusal> {
         about.line("residual", format!("{} px RMS of those", short((squares / kept as f64).sqrt())));
     }
     Ok(about)
+}
+
+/// Describes a vector field for ParaView by the start of its header.
+pub fn vti(bytes: &[u8]) -> Description {
+    const HEADER: usize = 1 << 16;
+    let mut about = Description::new("image data of VTK (.vti)");
+    let header = String::from_utf8_lossy(&bytes[..bytes.len().min(HEADER)]);
+    let quoted = |after: &str| Some(header.split_once(after)?.1.split('"').next().unwrap_or_default().to_owned());
+    for (label, key) in [("places", "WholeExtent=\""), ("first at, mm", "Origin=\""), ("apart, mm", "Spacing=\"")] {
+        if let Some(text) = quoted(key) {
+            about.line(label, text);
+        }
+    }
+    let arrays: Vec<&str> = header.split("Name=\"").skip(1).filter_map(|rest| rest.split('"').next()).collect();
+    about.line("arrays", arrays.join(", "));
+    about.line("read by", "ParaView; the tools read the same field as EXR");
+    about
+}
+
+/// Describes a picture.
+pub fn picture(text: &str) -> Description {
+    let mut about = Description::new("picture (.svg)");
+    let tag = text.split('>').next().unwrap_or_default();
+    let side = |key: &str| tag.split_once(key).and_then(|(_, rest)| rest.split('"').next());
+    if let (Some(width), Some(height)) = (side("width=\""), side("height=\"")) {
+        about.line("size", format!("{width} x {height} px"));
+    }
+    if !text.trim_end().ends_with("</svg>") {
+        about.line("", "cut short: its end is missing");
+    }
+    about.line("read by", "browsers");
+    about
 }
 
 #[cfg(test)]
@@ -131,5 +166,14 @@ mod tests {
         let description = centres(&text).unwrap().to_string();
         assert_shows(&description, &["lenslets  2\n", "1, 50 %", "5 px RMS"]);
         assert_eq!(centres(&format!("{header}0,0,1\n")).unwrap_err().found, "line 2 is not a lenslet");
+    }
+
+    #[test]
+    fn headers_describe_exports() {
+        let vti = vti(b"<VTKFile><ImageData WholeExtent=\"0 1 0 2 0 3\" Origin=\"0 0 0\"><DataArray Name=\"peak\"")
+            .to_string();
+        assert!(vti.contains("0 1 0 2 0 3") && vti.contains("peak"), "{vti}");
+        let cut = picture("<svg width=\"10\" height=\"20\"><g>").to_string();
+        assert!(cut.contains("10 x 20 px") && cut.contains("cut short"), "{cut}");
     }
 }
