@@ -18,6 +18,7 @@ use crate::search::particles::{Members, Particles};
 use crate::search::tile_fit::{Changed, TileFit};
 use crate::search::tiles::Tile;
 use crate::shared::align::align;
+use crate::shared::cause::Cause;
 use crate::shared::shape_fit::Sample;
 use crate::solve::covariance::Prior;
 use crate::solve::joint::StopRule;
@@ -89,6 +90,8 @@ pub struct Doubts {
     pub misfit_sharp: Option<f64>,
     /// Whether particles were no longer added because the misfit did not fall.
     pub is_stopped: bool,
+    /// What of the camera may be wrong, if noise does not explain the image.
+    pub cause: Option<Cause>,
 }
 
 /// The largest misfit that noise explains. Right models of real optics leave 0.95 to 1.06 under the noise of a sensor,
@@ -304,7 +307,7 @@ impl<'a, 'o> Stages<'a, 'o> {
         self.last_change();
         self.find_noise();
         self.align();
-        Ok(self.end())
+        self.end()
     }
 
     /// Shares the light out, and fits all particles, the noise and the shape.
@@ -517,7 +520,7 @@ impl<'a, 'o> Stages<'a, 'o> {
     }
 
     /// Fits all particles to the end, and finds all uncertainties.
-    fn end(mut self) -> Fit<'a> {
+    fn end(mut self) -> Result<Fit<'a>, Refusal> {
         self.fit("last fit", LAST_STEPS);
         self.particles.wake_where(|_| true);
         let misfit = self.particles.cameras.misfit();
@@ -525,7 +528,10 @@ impl<'a, 'o> Stages<'a, 'o> {
         if misfit > EXPLAINED {
             // Errors of the model are errors of the places too.
             particles.iter_mut().for_each(|particle| particle.widen(misfit));
+            let Particles { cameras, list, reach_px, .. } = &self.particles;
+            let sample = Sample::new(cameras, list, *reach_px, self.options.free)?;
+            self.doubts.cause = sample.map(|sample| sample.cause()).transpose()?.flatten();
         }
-        Fit { particles, cameras: self.particles.cameras.views, misfit, doubts: self.doubts }
+        Ok(Fit { particles, cameras: self.particles.cameras.views, misfit, doubts: self.doubts })
     }
 }

@@ -300,7 +300,7 @@ fn a_blur_is_found_whether_the_camera_names_it_or_not() {
     }
 }
 
-/// A camera whose f-number is 5 % off: the misfit is said, and no uncertainty is smaller for it.
+/// A camera whose f-number is 5 % too large: the misfit and its cause are said.
 #[test]
 fn what_noise_does_not_explain_is_said() {
     let bench = bench(&[]);
@@ -311,6 +311,10 @@ fn what_noise_does_not_explain_is_said() {
     let call = CALL.replace("scene/camera.json", "off.json");
     let said = bench.done(&format!("{call} --particles found.csv --stats stats.json")).stderr;
     assert!(said.contains("noise does not explain the image: chi2 is"), "{said}");
+    let cause = "a likely cause: the f-number (or 1 / focal_length_mm of the lenslets) is about ";
+    let (_, rest) = said.split_once(cause).unwrap_or_else(|| panic!("{said}"));
+    let percent: f64 = rest.split(' ').next().unwrap().parse().unwrap();
+    assert!((3.5..6.5).contains(&percent) && rest.contains("% too large"), "{said}");
     let counts = bench.json("stats.json")["counts"].clone();
     assert_eq!(counts["gain_counts"].as_f64(), Some(1.0));
     assert!(counts["chi2"].as_f64().unwrap() > 1.4, "{counts}");

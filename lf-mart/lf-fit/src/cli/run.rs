@@ -7,7 +7,7 @@ use lf_core::camera::Pose;
 use lf_core::particles::{self, Uncertainty};
 use lf_core::{Camera, Error, Result, Session, Verdict, cli, io, volume};
 use lf_fit::{
-    self as fit, CameraInput, CameraView, Changes, Doubts, EXPLAINED, Fit, FitOptions, FoundParticle, Particle,
+    self as fit, CameraInput, CameraView, Cause, Changes, Doubts, EXPLAINED, Fit, FitOptions, FoundParticle, Particle,
     Progress,
 };
 use serde_json::{Value, json};
@@ -130,7 +130,7 @@ fn statistics(view: &CameraView) -> Value {
 
 /// Warns of a model that does not explain the image.
 fn warn_of_model(found: &Fit, session: &mut Session) {
-    let Fit { misfit, doubts: Doubts { misfit_sharp, is_stopped }, .. } = *found;
+    let Fit { misfit, doubts: Doubts { misfit_sharp, is_stopped, cause }, .. } = *found;
     let shape = found.cameras[0].shape;
     if let (Some(before), Some(sigma_px)) = (misfit_sharp, shape.blur_px) {
         session.warn(format!(
@@ -148,8 +148,16 @@ fn warn_of_model(found: &Fit, session: &mut Session) {
     });
     if misfit > EXPLAINED {
         let stopped = if is_stopped { "; more particles did not help, so none were added" } else { "" };
+        let cause = cause.map_or_else(String::new, |Cause { name, unit, step, share }| {
+            let most = 100.0 * share;
+            format!(
+                "; a likely cause: the {name} is about {:.2} {unit} too {}, which explains {most:.0} % of the excess",
+                step.abs(),
+                if step > 0.0 { "small" } else { "large" }
+            )
+        });
         session.warn(format!(
-            "noise does not explain the image: chi2 is {misfit:.2}, up to {EXPLAINED} is good{stopped}; uncertainties are \
+            "noise does not explain the image: chi2 is {misfit:.2}, up to {EXPLAINED} is good{stopped}{cause}; uncertainties are \
              {:.2} times as large for it; check the camera (lf-calib lattice, refine), its blur and the background",
             misfit.sqrt()
         ));

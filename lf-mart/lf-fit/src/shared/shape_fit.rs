@@ -8,7 +8,7 @@ use crate::model::particle_image::{ParticleImage, Quantities, UNKNOWNS};
 use crate::model::window::{Part, Window};
 use crate::particle::Particle;
 use crate::solve::joint::{DAMPING, LEAST_DAMPING, LESS, MORE};
-use crate::solve::normal::{DEEP, Normal, cholesky, conjugate_gradients};
+use crate::solve::normal::{DEEP, Normal, cholesky, conjugate_gradients, dot};
 use lf_core::Refusal;
 use lf_core::linear::{inverse_column, solve};
 use lf_core::particle_image::{PLACES, Patch, QUANTITIES, Scratch};
@@ -47,9 +47,9 @@ pub(crate) struct FoundShape {
 /// light is that of the particles that are held.
 pub(crate) struct Sample<'a> {
     /// A list of the one camera.
-    cameras: Cameras<'a>,
-    window: Window,
-    particles: Vec<Particle>,
+    pub(super) cameras: Cameras<'a>,
+    pub(super) window: Window,
+    pub(super) particles: Vec<Particle>,
     free: Free,
 }
 
@@ -210,16 +210,14 @@ impl<'a> Sample<'a> {
                 (0..SHAPES).for_each(|b| matrix[a][b] += f64::from(buffers.weight[n]) * slopes[a] * slopes[b]);
             }
         }
-        let mixed: [Vec<[f64; UNKNOWNS]>; SHAPES] = std::array::from_fn(|a| self.mixed(state, a, buffers));
+        let mixed: [Vec<[f64; UNKNOWNS]>; SHAPES] =
+            std::array::from_fn(|a| self.mixed(&state.images, |n| state.by_shape[n][a], buffers));
         // Eliminate the particles.
         let own = conjugate_gradients(&normal, &normal.gradient, damping, DEEP);
         // Unfinished solutions make the shape's steps shorter, never longer.
         let solved: [Vec<[f64; UNKNOWNS]>; SHAPES] =
             std::array::from_fn(|a| conjugate_gradients(&normal, &mixed[a], damping, DEEP));
         buffers.wipe();
-        let dot = |a: &[[f64; UNKNOWNS]], b: &[[f64; UNKNOWNS]]| -> f64 {
-            a.iter().flatten().zip(b.iter().flatten()).map(|(a, b)| a * b).sum()
-        };
         let right = std::array::from_fn(|a| gradient[a] - dot(&mixed[a], &own));
         let reduced = std::array::from_fn(|a| std::array::from_fn(|b| matrix[a][b] - dot(&mixed[a], &solved[b])));
         let view = self.cameras.first();
@@ -230,17 +228,22 @@ impl<'a> Sample<'a> {
         Step { shape: step, moves, std }
     }
 
-    /// Products of the derivatives by one part of the shape with those of each particle.
-    fn mixed(&self, state: &State, part: usize, buffers: &FitBuffers) -> Vec<[f64; UNKNOWNS]> {
+    /// Products of the slopes of each pixel's counts by a shared unknown with the derivatives of each particle.
+    pub(super) fn mixed(
+        &self,
+        images: &[ParticleImage],
+        slope: impl Fn(usize) -> f32 + Sync,
+        buffers: &FitBuffers,
+    ) -> Vec<[f64; UNKNOWNS]> {
         let one = |image: &ParticleImage| {
             let mut sum = [0f64; UNKNOWNS];
             image.pixels(self.window.columns, |n, pixel| {
-                let weighed = buffers.weight[n] * state.by_shape[n][part];
+                let weighed = buffers.weight[n] * slope(n);
                 (0..UNKNOWNS).for_each(|k| sum[k] += f64::from(weighed * pixel[k]));
             });
             sum
         };
-        state.images.iter().map(one).collect()
+        images.iter().map(one).collect()
     }
 }
 

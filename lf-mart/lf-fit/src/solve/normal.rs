@@ -244,7 +244,7 @@ pub(crate) fn cholesky(matrix: &mut [f64], size: usize) {
     cholesky_above(matrix, size, |_, own| (LEAST * own).max(f64::MIN_POSITIVE));
 }
 
-fn dot(a: &[Vector], b: &[Vector]) -> f64 {
+pub(crate) fn dot(a: &[Vector], b: &[Vector]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>()).sum()
 }
 
