@@ -41,7 +41,7 @@ def tools(folder):
 
 
 def needs(binaries):
-    """The machine that the binaries are for, and the oldest C library that has all their symbols: ("x86_64", (2, 17))."""
+    """The machine that the binaries are for, and the oldest C library with all their symbols: ("x86_64", (2, 17))."""
     versions, machines = set(), set()
     for name, data in binaries.items():
         if data[:4] != b"\x7fELF":
@@ -49,7 +49,7 @@ def needs(binaries):
         machines.add(MACHINES.get(int.from_bytes(data[18:20], "little")))
         versions |= {tuple(map(int, found)) for found in re.findall(rb"\0GLIBC_(\d+)\.(\d+)", data)}
     if len(machines) != 1 or None in machines or not versions:
-        refuse(f"the tools are for {machines} with C libraries {versions}; wanted one of {set(MACHINES.values())}, glibc")
+        refuse(f"tools for {machines} with C libraries {versions}; wanted one of {set(MACHINES.values())}, with glibc")
     return machines.pop(), max(versions)
 
 
