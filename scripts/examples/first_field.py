@@ -3,8 +3,8 @@
 computer takes a minute of it.
 
 Everything is made here: a camera, particles in a known flow, the two frames that the camera would take, and a white
-image. Then you forget what you know, and find the flow from the images. FOLDER (first_field) gets the files and a picture
-of each step. Needs the tools on the PATH, and numpy, OpenEXR, xxhash and matplotlib. Read the text of a step here, look
+image. Then you forget what you know, and find the flow from the images. FOLDER (first_field) gets the files, and a
+picture of each step. Needs the tools on the PATH, and numpy, OpenEXR, xxhash and matplotlib. Read the text of a step here, look
 at its picture, change a number, and run it again.
 """
 
@@ -57,8 +57,8 @@ view.set_title("a part of the first frame: one small image under each microlens"
 picture("1-frame.png", view)
 
 # 3. The camera.
-# In a laboratory you know the camera from its data sheets, and only about. A white image, of an evenly lit screen, shows
-# where the microlenses are; lf-calib finds them to a hundredth of a pixel.
+# In a laboratory you know the camera from its data sheets, and only about. A white image, of an evenly lit screen,
+# shows where the microlenses are; lf-calib finds them to a hundredth of a pixel.
 lf.run("lf-synth", "white", at("scene.json"), output=at("white.exr"))
 camera = {
     "sensor": {"width": 1092, "height": 1092, "pixel_pitch_mm": 0.0055},
@@ -79,8 +79,8 @@ picture("2-white.png", view)
 
 # 4. Particles.
 # lf-prune keeps the voxels from which every ray meets light: about one of a hundred. lf-mart finds how bright each of
-# them is, by comparing what they would send to the sensor with what the sensor saw. lf-fit finds single particles in the
-# result and fits them to the pixels, with their uncertainty.
+# them is, by comparing what they would send to the sensor with what the sensor saw. lf-fit finds single particles in
+# the result and fits them to the pixels, with their uncertainty.
 grid = {"pvr": VOXEL_PX, "depth": DEPTH_MM, "bounds": SIDES_MM}
 for n in (0, 1):
     image = {"image": at(f"scene/frame-000{n}.exr"), "camera": at("camera.json")}
@@ -112,5 +112,5 @@ score = lf.run("lf-validate", "displacement", at("scene/flow.exr"), at("field.ex
 print("         RMS error: " + ", ".join(f"{axis} {score[f'rms_{axis}_px']:.2f} px" for axis in "uvw"))
 
 # What now? Ask for fewer particles (`--set particles.per_lenslet=0.1` in step 1), for a smaller stop of the lens
-# (`working_f_number`), for more noise (`--set sensor_noise.bits=8`), and see what becomes of the error. With a camera of
-# your own, begin at step 3 with your own white image, and put its data sheets in place of `camera`.
+# (`working_f_number`), for more noise (`--set sensor_noise.bits=8`), and see what becomes of the error. With a camera
+# of your own, begin at step 3 with your own white image, and put its data sheets in place of `camera`.
