@@ -48,7 +48,7 @@ lf.write(at("scene.json"), scene)
 
 # 2. Frames.
 # lf-synth traces the rays of every particle through the main lens and the microlenses to the sensor. Each microlens
-# draws a small round image of the lens's stop. Where a pixel lies in it tells the direction of its ray: this is why one
+# draws a small round image of the lens's stop. Where a pixel lies in it gives the direction of its ray: this is why one
 # image knows depth. Look at the picture: a particle near the focal plane lights one microlens, one far from it many.
 lf.run("lf-synth", "frames", at("scene.json"), output=at("scene"))
 frame = lf.read(at("scene/frame-0000.exr"))
@@ -111,6 +111,6 @@ picture("6-field-from-the-side.png", lf.show(at("field.exr"), "y"))
 score = lf.run("lf-validate", "displacement", at("scene/flow.exr"), at("field.exr"), camera=at("camera.json"))
 print("         RMS error: " + ", ".join(f"{axis} {score[f'rms_{axis}_px']:.2f} px" for axis in "uvw"))
 
-# What now? Ask for fewer particles (`--set particles.per_lenslet=0.1` in step 1), for a smaller stop of the lens
+# Now ask for fewer particles (`--set particles.per_lenslet=0.1` in step 1), for a smaller stop of the lens
 # (`working_f_number`), for more noise (`--set sensor_noise.bits=8`), and see what becomes of the error. With a camera
 # of your own, begin at step 3 with your own white image, and put its data sheets in place of `camera`.

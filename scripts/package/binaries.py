@@ -1,4 +1,4 @@
-"""What the packages share: the tools as binaries, what they need of the system, and the version of the workspace."""
+"""Shared by the packages: the tools as binaries, what they need of the system, and the version of the workspace."""
 import os
 import pathlib
 import platform
