@@ -11,6 +11,7 @@ mod flowing;
 mod frame;
 mod front_door;
 mod limits;
+mod package;
 mod pages;
 mod paper;
 mod physics;

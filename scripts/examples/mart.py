@@ -118,4 +118,4 @@ parser.add_argument("-i", "--image", required=True, metavar="FILE", help="light-
 parser.add_argument("--iterations", type=int, default=60, metavar="N", help="sweeps over all pixels, at most")
 
 if __name__ == "__main__":
-    lf.run(parser, work)
+    lf.main(parser, work)

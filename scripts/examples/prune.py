@@ -99,4 +99,4 @@ parser.add_argument("--bounds", type=lf.numbers(4), metavar="X0,X1,Y0,Y1", help=
 parser.add_argument("--threshold", default="auto", metavar="SHARE|auto", help="least score kept")
 
 if __name__ == "__main__":
-    lf.run(parser, work)
+    lf.main(parser, work)

@@ -1,24 +1,34 @@
-"""Files and rays of the light-field chain, for stages in Python: `.lfv`, images, fields, `camera.json`.
+"""The light-field chain from Python: its tools, its files as arrays, and its rays.
 
-Needs numpy; OpenEXR to read images and fields; Pillow to read TIFF; xxhash to write a `.lfv` and to check one (`pip
-install numpy OpenEXR pillow xxhash`). Lengths are mm; places on an image are pixels. The frame, its signs and the
-formats are those of lf-core: see the documentation of its modules `optics`, `volume`, `image` and `field`.
-`scripts/examples` has stages that use this module.
+    lf.run("lf-mart", "support.lfv", image="frame.exr", camera="camera.json", output="volume.lfv")
+    volume = lf.read("volume.lfv")
+    lf.show("field.exr")
+
+`run` needs no other package. The rest needs numpy; OpenEXR for images and fields; Pillow for TIFF; xxhash to write a
+`.lfv` and to check one; matplotlib for `show` (`pip install numpy OpenEXR pillow xxhash xarray matplotlib`). With
+xarray `read` gives labelled arrays. Lengths are mm; places on an image are pixels. The frame, its signs and the formats are
+those of lf-core: see the documentation of its modules `optics`, `volume`, `image` and `field`. `scripts/examples` has
+stages that use this module, and `first_field.py`, which shows it from a scene to vectors.
 """
+
+from __future__ import annotations
 
 import argparse
 import json
 import mmap
 import os
 import resource
+import shutil
+import subprocess
 import sys
+import sysconfig
 import tempfile
 import time
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from typing import Any, Callable
 
-import numpy as np
-
+Path = str | os.PathLike
 FRAME = "right-handed"  # X right and Y up in the picture, Z towards the camera.
 SIGNATURE = b"\x89LFV\r\n\x1a\n"
 # The components of a field and their units.
@@ -30,12 +40,25 @@ class Refused(Exception):
     """Work that cannot be done: `file: what was found; what was wanted`."""
 
 
-def module(name, purpose):
+def module(name: str, purpose: str) -> Any:
     """The Python module of this name; refuses if it is missing, and says what it is for and how to install it."""
     try:
         return __import__(name)
     except ImportError:
         raise Refused(f"{name}: no such Python module; wanted it {purpose} (pip install {name})") from None
+
+
+class _Missing:
+    """Stands for numpy where it is not installed: `run` works, and what needs numpy refuses."""
+
+    def __getattr__(self, name):
+        module("numpy", "to read and write files")
+
+
+try:
+    import numpy as np
+except ImportError:
+    np = _Missing()
 
 
 def _check_frame(path, header):
@@ -46,6 +69,49 @@ def _check_frame(path, header):
         raise Refused(f"{path}: its header has the frame {header['frame']!r}; {wanted}")
 
 
+# The tools
+
+
+def run(tool: str, *words: Any, **options: Any) -> Any:
+    """Runs a tool: `run("lf-calib", "lattice", "white.exr", camera="nominal.json", o="camera.json")`.
+
+    `words` are its arguments. An option is a keyword, with _ for -: a tuple is joined by commas (`depth=(-5, 5)`), a
+    list is several values (`particles=["a.csv", "b.csv"]`), True is an option without a value, None and False leave it out.
+
+    Returns what the tool prints: JSON as its values, text as `str`, other bytes as they are. If it prints nothing,
+    returns its account: `seconds`, `phases` (s), `peak_bytes`, `counts`. Raises `Refused` with its message if it fails.
+    Its warnings go to standard error. The tool is that of the PATH, or the one installed beside this module."""
+    program = shutil.which(tool) or shutil.which(tool, path=sysconfig.get_path("scripts"))
+    if program is None:
+        raise Refused(f"{tool}: not on the PATH; wanted a tool of lf")
+    line = [program, *map(str, words)]
+    with tempfile.TemporaryDirectory() as folder:
+        stats = options.pop("stats", None) or os.path.join(folder, "stats.json")
+        for name, value in {**options, "stats": stats}.items():
+            if value is None or value is False:
+                continue
+            line.append(f"-{name}" if len(name) == 1 else "--" + name.replace("_", "-"))
+            values = value if isinstance(value, list) else [] if value is True else [value]
+            line += [",".join(map(str, one)) if isinstance(one, tuple) else str(one) for one in values]
+        done = subprocess.run(line, stdin=subprocess.DEVNULL, capture_output=True)
+        said = done.stderr.decode(errors="replace").strip()
+        if done.returncode == 2 or done.returncode < 0 or (done.returncode and not done.stdout):
+            raise Refused(said or f"{tool}: ended by signal {-done.returncode}")
+        if said:
+            print(said, file=sys.stderr)
+        if not done.stdout:
+            with open(stats) as file:
+                return json.load(file)
+    try:
+        text = done.stdout.decode()
+    except UnicodeDecodeError:
+        return done.stdout
+    try:
+        return json.loads(text)
+    except ValueError:
+        return text
+
+
 # Volumes
 
 
@@ -53,12 +119,12 @@ def _check_frame(path, header):
 class Grid:
     """A regular grid of voxels in the object frame; `origin_mm` is the centre of voxel (0, 0, 0)."""
 
-    shape: tuple  # nx, ny, nz
-    spacing_mm: tuple
-    origin_mm: tuple
+    shape: tuple[int, int, int]  # nx, ny, nz
+    spacing_mm: tuple[float, float, float]
+    origin_mm: tuple[float, float, float]
 
     @classmethod
-    def in_bounds(cls, bounds_mm, spacing_mm):
+    def in_bounds(cls, bounds_mm, spacing_mm) -> Grid:
         """round(extent / spacing) voxels an axis, centred in `bounds_mm` = [[x0, x1], [y0, y1], [z0, z1]]."""
         low, high = np.array(bounds_mm, float).T
         spacing = np.array(spacing_mm, float)
@@ -71,11 +137,11 @@ class Grid:
     def __len__(self):
         return int(np.prod([int(n) for n in self.shape]))
 
-    def axes_mm(self):
+    def axes_mm(self) -> list[np.ndarray]:
         """Centres along x, y and z, mm: arrays of nx, ny and nz."""
         return [o + d * np.arange(n) for n, d, o in zip(self.shape, self.spacing_mm, self.origin_mm)]
 
-    def centres_mm(self, indices):
+    def centres_mm(self, indices: np.ndarray) -> list[np.ndarray]:
         """Centres of the voxels with linear indices x + nx (y + ny z), mm: three arrays of the indices' shape."""
         nx, ny, _ = (np.uint64(n) for n in self.shape)
         steps = indices % nx, indices // nx % ny, indices // nx // ny
@@ -88,11 +154,11 @@ class Volume:
 
     grid: Grid
     indices: np.ndarray  # (n,) u64, strictly rising
-    columns: dict  # name -> (n,) f32
+    columns: dict[str, np.ndarray]  # name -> (n,) f32
     history: list = field(default_factory=list)
     extra: dict = field(default_factory=dict)  # header keys that this module does not know
 
-    def dense(self, column):
+    def dense(self, column: str) -> np.ndarray:
         """A column as an array of shape (nz, ny, nx), zero where there is no voxel."""
         nx, ny, nz = self.grid.shape
         whole = np.zeros(len(self.grid), np.float32)
@@ -100,7 +166,7 @@ class Volume:
         return whole.reshape(nz, ny, nx)
 
 
-def read_volume(path):
+def read_volume(path: Path) -> Volume:
     """Reads a `.lfv`, mapped and not copied; `-` is standard input, read to its end. The arrays are read-only."""
     data = _bytes(path)
     if data[:8] != SIGNATURE or len(data) < 16 or int.from_bytes(data[8:12], "little") != 1:
@@ -135,7 +201,7 @@ def read_volume(path):
     return Volume(grid, indices, columns, header.get("history", []), extra)
 
 
-def write_volume(path, volume):
+def write_volume(path: Path, volume: Volume) -> None:
     """Writes a `.lfv` whole or not at all; `-` is standard output. A file that lf-core wrote comes out byte for byte,
     except numbers below 1e-4 or above 1e16, which every language writes into JSON in its own way."""
     grid, indices = volume.grid, np.ascontiguousarray(volume.indices, "<u8")
@@ -222,7 +288,7 @@ def _exr(path):
     return {name: channel.pixels for name, channel in file.channels().items()}, file.header()
 
 
-def read_image(path, channel=None):
+def read_image(path: Path, channel: str | None = None) -> tuple[np.ndarray, list]:
     """A light-field image as counts, (height, width) f32, and its history, which only an EXR has. TIFF and PNG need
     Pillow. `run.tif:3` is page 3 of `run.tif`, counted from 0; `channel` (r, g, b or luma) chooses from colour whose
     channels differ."""
@@ -277,7 +343,9 @@ def _read_picture(path, page, channel):
     return {None: red, "r": red, "g": green, "b": blue, "luma": luma}[channel]
 
 
-def read_frame(path, camera, background=None, channel=None):
+def read_frame(
+    path: Path, camera: Camera, background: Path | None = None, channel: str | None = None
+) -> tuple[np.ndarray, list]:
     """An image of the camera's size, minus a background, divided by the camera's flat field; and its history. Negative
     differences become 0. A pixel that sees less than a twentieth of the flat field's light is NaN, as in lf-core."""
 
@@ -297,7 +365,7 @@ def read_frame(path, camera, background=None, channel=None):
     return counts, history
 
 
-def read_field(path):
+def read_field(path: Path) -> tuple[dict, dict[str, np.ndarray]]:
     """A vector field: its layout (the attribute `lf:field` as a dict), and its components by name (u, v, w, su, sv, sw
     in mm; peak, ratio, flag, count), each (nz, ny, nx) f32. Flag 0 is measured, 1 replaced, 2 no data."""
     channels, header = _exr(path)
@@ -308,10 +376,9 @@ def read_field(path):
     return layout, {name: pixels.reshape(layout["shape"][::-1]) for name, pixels in channels.items()}
 
 
-def write_field(path, layout, components):
+def write_field(path: Path, layout: dict, components: dict[str, np.ndarray]) -> None:
     """Writes a field that the tools read: `layout` as `read_field` gives it, and every component, (nz, ny, nx). Components
     that are left out are those of measured vectors without uncertainty. The file appears whole or not at all."""
-    exr = module("OpenEXR", "to write fields")
     shape = tuple(layout["shape"][::-1])
     given = {"peak": 0, "ratio": 0, "su": np.nan, "sv": np.nan, "sw": np.nan, "flag": 0, "count": np.nan, **components}
     if set(given) != set(FIELD_UNITS):
@@ -324,9 +391,14 @@ def write_field(path, layout, components):
     if not (np.isfinite(moved).all(0) | (channels["flag"] == 2)).all():
         raise ValueError("a displacement that is not finite; wanted finite values or flag 2")
     text = json.dumps({"units": FIELD_UNITS, "frame": FRAME, **layout})
-    header = {"compression": exr.ZIPS_COMPRESSION, "type": exr.scanlineimage, "lf:field": text}
+    _write_exr(path, channels, {"lf:field": text})
+
+
+def _write_exr(path, channels, header):
+    exr = module("OpenEXR", "to write images and fields")
+    header = {"compression": exr.ZIPS_COMPRESSION, "type": exr.scanlineimage, **header}
     with tempfile.TemporaryDirectory(dir=os.path.dirname(path) or ".") as folder:
-        part = os.path.join(folder, "field.exr")
+        part = os.path.join(folder, "part.exr")
         exr.File(header, channels).write(part)
         os.replace(part, path)
 
@@ -334,7 +406,7 @@ def write_field(path, layout, components):
 # Files of `lf-validate export`. Each reader needs one library and gives plain arrays.
 
 
-def read_netcdf(path):
+def read_netcdf(path: Path) -> tuple[dict, dict[str, np.ndarray]]:
     """A `.nc` as `read_field` gives a field; components of a series are (t, nz, ny, nx). Needs scipy."""
     module("scipy", "to read NetCDF")
     from scipy.io import netcdf_file
@@ -344,13 +416,13 @@ def read_netcdf(path):
         return json.loads(file.lf_field), {name: array.astype(np.float32) for name, array in values.items()}
 
 
-def read_stack(path):
+def read_stack(path: Path) -> np.ndarray:
     """A `.tif` as values (nz, ny, nx), y upwards as everywhere here. Needs tifffile."""
     stack = module("tifffile", "to read stacks").imread(path)
     return stack.reshape(-1, *stack.shape[-2:])[:, ::-1]
 
 
-def read_vtk(path):
+def read_vtk(path: Path) -> tuple[np.ndarray, dict[str, np.ndarray]]:
     """A `.vti` or `.vtp`: the places of its points (n, 3), and its arrays by name, (n,) or (n, components). Needs vtk."""
     module("vtk", "to read the files of VTK")
     from vtkmodules.util.numpy_support import vtk_to_numpy
@@ -363,6 +435,197 @@ def read_vtk(path):
     places = np.array([data.GetPoint(n) for n in range(data.GetNumberOfPoints())])
     arrays = data.GetPointData()
     return places, {arrays.GetArrayName(n): vtk_to_numpy(arrays.GetArray(n)) for n in range(arrays.GetNumberOfArrays())}
+
+
+# Any file, and its picture
+
+
+def _labelled(dims: tuple, axes: dict, values: dict, units: dict, attrs: dict) -> Any:
+    """Arrays with their axes: an xarray.Dataset, or without xarray a dict that also has the axes and `attrs`."""
+    try:
+        import xarray
+    except ImportError:
+        return {**axes, **values, "attrs": attrs}
+    coordinates = {name: (name, axis, {"units": "mm"}) for name, axis in axes.items()}
+    variables = {name: (dims, array, {"units": units.get(name, "1")}) for name, array in values.items()}
+    return xarray.Dataset(variables, coordinates, attrs)
+
+
+def _parts(data: Any) -> tuple[dict, dict]:
+    """The arrays by name and the attributes of what `_labelled` gave."""
+    if hasattr(data, "data_vars"):
+        return {name: array.values for name, array in data.data_vars.items()}, dict(data.attrs)
+    if not isinstance(data, dict):
+        raise ValueError(f"{type(data).__name__}; wanted what lf.read gives")
+    return {name: array for name, array in data.items() if name not in ("x", "y", "z", "attrs")}, data.get("attrs", {})
+
+
+def _read_table(path):
+    lines = _bytes(path)[:].decode().splitlines()
+    comments = [line for line in lines if line.startswith("#")]
+    names, *rows = [line for line in lines if line and not line.startswith("#")] or [""]
+    names = names.split(",")
+    try:
+        table = np.array([row.split(",") for row in rows], float).reshape(len(rows), len(names))
+    except ValueError as error:
+        raise Refused(f"{path}: {error}; wanted a table of numbers with one line of names") from None
+    values = {name: column.astype(int) if name in ("frame", "id") else column for name, column in zip(names, table.T)}
+    units = {name: unit for name in names for _, _, unit in [name.rpartition("_")] if unit in ("mm", "mm2")}
+    return _labelled(("row",), {}, values, units, {"comments": "\n".join(comments)})
+
+
+def read(path: Path, channel: str | None = None) -> Any:
+    """Reads any file of the chain, with xarray where it is installed, otherwise with numpy.
+
+    | file | what comes | shape |
+    | --- | --- | --- |
+    | image (.exr, .tif, .png) | counts, with dimensions row and column, f32 | (height, width) |
+    | volume (.lfv) | its columns by name, NaN where there is no voxel; x, y, z in mm, f32 | (nz, ny, nx) |
+    | field (.exr, .nc) | u, v, w and su, sv, sw in mm, peak, ratio, flag, count; x, y, z in mm, f32 | (nz, ny, nx) |
+    | table (.csv) | its columns by name, which end in their unit | (rows,) |
+    | .json | its values | |
+
+    An image is an xarray.DataArray or an array, the others are an xarray.Dataset or a dict of arrays. `write` takes
+    both back. A volume of a large frame has few voxels and a grid that may not fit into memory: use `read_volume`. `channel`
+    is that of `read_image`."""
+    file, _ = _split_page(path)
+    ending = os.path.splitext(file)[1].lower()
+    if ending == ".json":
+        try:
+            return json.loads(_bytes(path)[:])
+        except ValueError as error:
+            raise Refused(f"{path}: {error}; wanted JSON") from None
+    if ending == ".csv":
+        return _read_table(path)
+    if ending == ".lfv":
+        volume = read_volume(path)
+        grid, values = volume.grid, {}
+        for name in volume.columns:
+            values[name] = volume.dense(name)
+            absent = np.ones(len(grid), bool)
+            absent[volume.indices] = False
+            values[name].reshape(-1)[absent] = np.nan
+        attrs = {"grid": json.dumps(vars(grid)), "history": json.dumps(volume.history), **volume.extra}
+        return _labelled(("z", "y", "x"), dict(zip("xyz", grid.axes_mm())), values, {}, attrs)
+    if ending == ".nc" or ending == ".exr" and "lf:field" in _exr(path)[1]:
+        layout, values = read_netcdf(path) if ending == ".nc" else read_field(path)
+        axes = Grid(layout["shape"], layout["spacing_mm"], layout["origin_mm"]).axes_mm()
+        dims = ("t", "z", "y", "x") if values["u"].ndim == 4 else ("z", "y", "x")
+        return _labelled(dims, dict(zip("xyz", axes)), values, FIELD_UNITS, {"lf_field": json.dumps(layout)})
+    if ending not in (".exr", ".tif", ".tiff", ".png"):
+        raise Refused(f"{path}: an unknown ending; wanted .exr, .tif, .png, .lfv, .csv, .nc or .json")
+    counts, history = read_image(path, channel)
+    try:
+        import xarray
+    except ImportError:
+        return counts
+    return xarray.DataArray(counts, dims=("row", "column"), attrs={"units": "counts", "history": json.dumps(history)})
+
+
+def write(path: Path, data: Any) -> None:
+    """Writes what `read` gives, changed or not: a volume as .lfv, a field or an image (height, width) as .exr, a table
+    as .csv, values as .json. A voxel is left out where a column is NaN. The file appears whole or not at all."""
+    ending = os.path.splitext(path)[1].lower()
+    if ending == ".json":
+        save(path, [(json.dumps(data, indent=2) + "\n").encode()])
+    elif ending == ".lfv":
+        values, attrs = _parts(data)
+        attrs = dict(attrs)
+        grid = Grid(**json.loads(attrs.pop("grid")))
+        history = json.loads(attrs.pop("history", "[]"))
+        columns = {name: np.asarray(array, np.float32) for name, array in values.items()}
+        if any(array.shape != tuple(grid.shape[::-1]) for array in columns.values()):
+            raise ValueError("a part of a volume; wanted the whole grid")
+        there = np.logical_and.reduce([np.isfinite(array).ravel() for array in columns.values()])
+        indices = np.flatnonzero(there).astype(np.uint64)
+        columns = {name: array.ravel()[there] for name, array in columns.items()}
+        write_volume(path, Volume(grid, indices, columns, history, attrs))
+    elif ending == ".csv":
+        values, attrs = _parts(data)
+        rows = zip(*(np.asarray(array).tolist() for array in values.values()))
+        lines = [*filter(None, [attrs.get("comments")]), ",".join(values), *(",".join(map(repr, row)) for row in rows)]
+        save(path, ["".join(line + "\n" for line in lines).encode()])
+    elif ending == ".exr" and getattr(data, "ndim", None) == 2:
+        counts = np.ascontiguousarray(data, np.float32)
+        _write_exr(path, {"Y": counts}, {"lf:history": getattr(data, "attrs", {}).get("history", "[]")})
+    elif ending == ".exr":
+        values, attrs = _parts(data)
+        write_field(path, json.loads(attrs["lf_field"]), values)
+    else:
+        raise Refused(f"{path}: an unknown ending; wanted .exr, .lfv, .csv or .json")
+
+
+def show(what: Any, where: str = "z") -> Any:
+    """Draws a file of `read` or what it gives, with matplotlib, and returns the axes. Lengths are mm.
+
+    A field is one slice: arrows are the displacement in the slice, replaced vectors grey, and colour is the component
+    across it. `where` is the normal of the slice, `z`, or with a place in mm, `y=0.5`; without a place it is the middle
+    one. A volume is its brightest voxels along `where`. A table of particles is seen along z; colour is depth. An image
+    is grey, from black for no counts to white for all but the brightest thousandth."""
+    module("matplotlib", "to draw")
+    from matplotlib import pyplot
+
+    data = read(what) if isinstance(what, (str, os.PathLike)) else what
+    if isinstance(data, Volume):
+        raise ValueError("a Volume; wanted the path of its file, or what lf.read gives")
+    name, _, place = where.partition("=")
+    if name not in ("x", "y", "z"):
+        raise ValueError(f"where={where!r}; wanted x, y or z, or one with a place as y=0.5")
+    figure, view = pyplot.subplots(figsize=(7, 6), layout="constrained")
+    if getattr(data, "ndim", None) == 2:
+        picture = view.imshow(data, cmap="gray", vmin=0, vmax=np.nanquantile(data, 0.999), interpolation="nearest")
+        figure.colorbar(picture, label="counts")
+        view.set(xlabel="column, px", ylabel="row, px")
+    elif "x_mm" in data:
+        x, y, z = (np.asarray(data[key]) for key in ("x_mm", "y_mm", "z_mm"))
+        figure.colorbar(view.scatter(x, y, c=z, s=4, cmap="viridis"), label="z, mm")
+        view.set(xlabel="x, mm", ylabel="y, mm", aspect="equal", title=f"{len(x)} particles")
+    else:
+        axes = [np.asarray(data[key]) for key in "xyz"]
+        _draw_slice(view, _parts(data)[0], axes, "xyz".index(name), float(place) if place else None)
+    return view
+
+
+MEASURED, NO_DATA = 0, 2  # Flags of a field.
+MOST_ARROWS = 40  # Arrows a side. Of more, every second, third ... is drawn.
+
+
+def _draw_slice(view, values, places, normal, wanted):
+    """Draws a slice of a field, or the brightest voxels of a volume, across the axis `normal`."""
+    right, up = (axis for axis in range(3) if axis != normal)
+    view.set_aspect("equal" if normal == 2 else "auto")
+    view.set(xlabel=f"{'xyz'[right]}, mm", ylabel=f"{'xyz'[up]}, mm")
+    if "u" not in values:
+        column, dense = next(reversed(values.items()))
+        brightest = np.where(np.isnan(dense), 0, dense).max(2 - normal)
+        limit = np.quantile(brightest, 0.999) or None
+        mesh = view.pcolormesh(places[right], places[up], brightest, cmap="magma", vmin=0, vmax=limit)
+        view.figure.colorbar(mesh, label=column)
+        view.set_title(f"brightest voxels along {'xyz'[normal]}", fontsize=10)
+        return
+    count = len(places[normal])
+    nearest = np.abs(places[normal] - wanted).argmin() if wanted is not None else count // 2
+    title = f"{'xyz'[normal]} = {places[normal][nearest]:.3g} mm"
+
+    # Components are (z, y, x). Rows of the slice run along y, or along z in a slice across y.
+    cut = {key: array.take(nearest, 2 - normal) for key, array in values.items()}
+    has_data = cut["flag"] != NO_DATA
+    if not has_data.any():
+        raise Refused(f"no data in the slice {title}; wanted another slice")
+    u, v, w = (np.where(has_data, cut["uvw"[axis]], np.nan) for axis in (right, up, normal))
+    limit = np.nanmax(np.abs(w)) or 1
+    mesh = view.pcolormesh(places[right], places[up], w, cmap="RdBu_r", vmin=-limit, vmax=limit, shading="nearest")
+    view.figure.colorbar(mesh, label=f"{'uvw'[normal]}, mm")
+
+    every = tuple(slice(n % step // 2, None, step) for n in u.shape for step in [-(-n // MOST_ARROWS)])
+    x, y = (part[every] for part in np.meshgrid(places[right], places[up]))
+    u, v, measured = u[every], v[every], cut["flag"][every] == MEASURED
+    # The longest arrow is as long as the distance between arrows, at any scale of the axes.
+    longest = np.nanmax(np.hypot(u, v)) or 1
+    options = {"scale": longest * (max(x.shape) + 1), "scale_units": "width", "width": 0.003, "pivot": "mid"}
+    for flagged, colour in ((measured, "black"), (~measured, "grey")):
+        view.quiver(x[flagged], y[flagged], u[flagged], v[flagged], color=colour, **options)
+    view.set_title(f"{title}; the longest arrow is {longest:.3g} mm", fontsize=10)
 
 
 # The camera and its rays
@@ -404,7 +667,7 @@ class Camera:
         flat = given.get("vignetting")
         self.flat_field = None if flat is None else os.path.join(os.path.dirname(path), flat)
 
-    def grid(self, pixels_per_voxel, depth_mm, sides_mm=None):
+    def grid(self, pixels_per_voxel, depth_mm, sides_mm=None) -> Grid:
         """The grid of lf-prune. `pixels_per_voxel` are pixels at the focal plane along x, y, z; `sides_mm` is
         (x0, x1, y0, y1), by default what the sensor sees of the focal plane."""
         half_x, half_y = (n * (0.5 * self.pixel_mm / self.magnification) for n in self.sensor_px)
@@ -412,7 +675,7 @@ class Camera:
         spacing_mm = [n * self.pixel_mm / self.magnification for n in pixels_per_voxel]
         return Grid.in_bounds([(x0, x1), (y0, y1), depth_mm], spacing_mm)
 
-    def sections_mm(self, finer=1):
+    def sections_mm(self, finer: int = 1) -> np.ndarray:
         """Centres (U, V) of the aperture's sections inside the stop, mm: (sections, 2). A side has as many sections as
         there are pixels under a lenslet, times `finer`."""
         n = finer * max(round(self.pitch_mm / self.pixel_mm), 1)
@@ -470,7 +733,7 @@ class Camera:
 # Shared by all stages
 
 
-def numbers(count):
+def numbers(count: int) -> Callable[[str], list[float]]:
     """For argparse: parses `count` numbers, as in `1,1,10`."""
 
     def parse(text):
@@ -545,7 +808,7 @@ class Session:
         save(self.stats, [(json.dumps(found, indent=2) + "\n").encode()])
 
 
-def run(parser, work):
+def main(parser: Parser, work: Callable) -> None:
     """The main of a stage: parses, runs `work(options, session)`, reports. Exit codes are those of all tools."""
     try:
         options = parser.parse_args()
