@@ -90,7 +90,7 @@ pub struct Doubts {
     pub misfit_sharp: Option<f64>,
     /// Whether particles were no longer added because the misfit did not fall.
     pub is_stopped: bool,
-    /// What of the camera may be wrong, if noise does not explain the image.
+    /// The parameter of the camera that may be wrong, if noise does not explain the image.
     pub cause: Option<Cause>,
 }
 
