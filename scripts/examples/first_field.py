@@ -4,19 +4,28 @@ computer takes a minute of it.
 
 Everything is made here: a camera, particles in a known flow, the two frames that the camera would take, and a white
 image. Then you forget what you know, and find the flow from the images. FOLDER (first_field) gets the files, and a
-picture of each step. Needs the tools on the PATH, and numpy, OpenEXR, xxhash and matplotlib. Read the text of a step here, look
-at its picture, change a number, and run it again.
+picture of each step. Needs the tools on the PATH, and numpy, OpenEXR, xxhash and matplotlib. Read the text of a step
+here, look at its picture, change a number, and run it again.
 """
 
 import sys
 import time
 from pathlib import Path
 
-import numpy as np
-
 sys.path.append(str(Path(__file__).resolve().parents[1] / "python"))
 import lf
 
+
+def stop(kind, error, trace):
+    """Ends in one line if a tool or a module refuses."""
+    if issubclass(kind, lf.Refused):
+        print(f"first_field.py: {error}", file=sys.stderr)
+    else:
+        sys.__excepthook__(kind, error, trace)
+
+
+sys.excepthook = stop
+np = lf.module("numpy", "to read files")
 lf.module("matplotlib", "to draw").use("agg")
 
 folder = Path(sys.argv[1] if len(sys.argv) > 1 else "first_field")
