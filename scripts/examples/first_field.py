@@ -87,7 +87,7 @@ view.set_title("the same part of the white image")
 picture("2-white.png", view)
 
 # 4. Particles.
-# lf-prune keeps the voxels from which every ray meets light: about one of a hundred. lf-mart finds how bright each of
+# lf-prune keeps the voxels from which every ray meets light: one of twelve here. lf-mart finds how bright each of
 # them is, by comparing what they would send to the sensor with what the sensor saw. lf-fit finds single particles in
 # the result and fits them to the pixels, with their uncertainty.
 grid = {"pvr": VOXEL_PX, "depth": DEPTH_MM, "bounds": SIDES_MM}
