@@ -14,7 +14,7 @@ import lf, sys
 assert lf.__file__.startswith(sys.prefix), lf.__file__
 setting = lambda key: ['--set', key]
 keys = setting('frames=1') + setting('truth.pixels_per_voxel=[2,2,20]')
-lf.write('scene.json', lf.run('lf-synth', 'scene', 'core', *keys))
+lf.write('scene.json', lf.run('lf-synth', 'scene', 'core-round', *keys))
 lf.run('lf-synth', 'frames', 'scene.json', output='scene')
 lf.run('lf-synth', 'white', 'scene.json', output='white.exr')
 lf.run('lf-calib', 'lattice', 'white.exr', camera='scene/camera.json', output='camera.json')

@@ -4,19 +4,28 @@ computer takes a minute of it.
 
 Everything is made here: a camera, particles in a known flow, the two frames that the camera would take, and a white
 image. Then you forget what you know, and find the flow from the images. FOLDER (first_field) gets the files, and a
-picture of each step. Needs the tools on the PATH, and numpy, OpenEXR, xxhash and matplotlib. Read the text of a step here, look
-at its picture, change a number, and run it again.
+picture of each step. Needs the tools on the PATH, and numpy, OpenEXR, xxhash and matplotlib. Read the text of a step
+here, look at its picture, change a number, and run it again.
 """
 
 import sys
 import time
 from pathlib import Path
 
-import numpy as np
-
 sys.path.append(str(Path(__file__).resolve().parents[1] / "python"))
 import lf
 
+
+def stop(kind, error, trace):
+    """Ends in one line if a tool or a module refuses."""
+    if issubclass(kind, lf.Refused):
+        print(f"first_field.py: {error}", file=sys.stderr)
+    else:
+        sys.__excepthook__(kind, error, trace)
+
+
+sys.excepthook = stop
+np = lf.module("numpy", "to read files")
 lf.module("matplotlib", "to draw").use("agg")
 
 folder = Path(sys.argv[1] if len(sys.argv) > 1 else "first_field")
@@ -78,7 +87,7 @@ view.set_title("the same part of the white image")
 picture("2-white.png", view)
 
 # 4. Particles.
-# lf-prune keeps the voxels from which every ray meets light: about one of a hundred. lf-mart finds how bright each of
+# lf-prune keeps the voxels from which every ray meets light: one of twelve here. lf-mart finds how bright each of
 # them is, by comparing what they would send to the sensor with what the sensor saw. lf-fit finds single particles in
 # the result and fits them to the pixels, with their uncertainty.
 grid = {"pvr": VOXEL_PX, "depth": DEPTH_MM, "bounds": SIDES_MM}

@@ -31,6 +31,16 @@ def build():
     return ROOT / os.environ.get("CARGO_TARGET_DIR", "target") / folder
 
 
+def output(folder):
+    """The folder for a package, made if it is not there."""
+    folder = pathlib.Path(folder)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        refuse(f"{folder}: {error.strerror}; wanted a folder")
+    return folder
+
+
 def tools(folder):
     """The bytes of the tools in a folder, by name."""
     folder = pathlib.Path(folder)

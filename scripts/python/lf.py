@@ -79,7 +79,8 @@ def run(tool: str, *words: Any, **options: Any) -> Any:
     list is several values (`particles=["a.csv", "b.csv"]`), True is an option without a value, None and False leave it out.
 
     Returns what the tool prints: JSON as its values, text as `str`, other bytes as they are. If it prints nothing,
-    returns its account: `seconds`, `phases` (s), `peak_bytes`, `counts`. Raises `Refused` with its message if it fails.
+    returns its account: `seconds`, `phases` (s), `peak_bytes`, `counts`. Raises `Refused` with its message if it fails;
+    a score that misses a limit (exit code 1) is returned.
     Its warnings go to standard error. The tool is that of the PATH, or the one installed beside this module."""
     program = shutil.which(tool) or shutil.which(tool, path=sysconfig.get_path("scripts"))
     if program is None:
@@ -95,8 +96,8 @@ def run(tool: str, *words: Any, **options: Any) -> Any:
             line += [",".join(map(str, one)) if isinstance(one, tuple) else str(one) for one in values]
         done = subprocess.run(line, stdin=subprocess.DEVNULL, capture_output=True)
         said = done.stderr.decode(errors="replace").strip()
-        if done.returncode == 2 or done.returncode < 0 or (done.returncode and not done.stdout):
-            raise Refused(said or f"{tool}: ended by signal {-done.returncode}")
+        if done.returncode not in (0, 1) or (done.returncode == 1 and not done.stdout):
+            raise Refused(said or f"{tool}: ended with {done.returncode}; wanted 0")
         if said:
             print(said, file=sys.stderr)
         if not done.stdout:
