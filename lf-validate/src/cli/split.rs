@@ -35,7 +35,7 @@ pub struct SplitArguments {
     /// Camera (camera.json)
     #[arg(short, long, value_name = "FILE")]
     camera: PathBuf,
-    /// What the two parts share out
+    /// Whether the two parts share the electrons, the stop or the pixels
     #[arg(long, value_enum, value_name = "noise|pupil|pixels", hide_possible_values = true)]
     by: By,
     /// Background of the frame, which is not thinned

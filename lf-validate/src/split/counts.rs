@@ -18,7 +18,7 @@ pub fn thinned(light: &Array2<f32>, noise: &SensorNoise, seed: u64) -> [Array2<f
     let one = light.mapv(|counts| {
         let electrons = f64::from(counts) / gain + added;
         let whole = electrons.round().max(0.0);
-        // What rounding leaves is shared.
+        // Both frames share the rest that rounding leaves.
         (gain * (heads(whole as u64, &mut random) + 0.5 * (electrons - whole - added))) as f32
     });
     let other = Zip::from(light).and(&one).map_collect(|all, one| all - one);

@@ -77,8 +77,8 @@ pub struct Arguments {
     /// Camera (camera.json) with the lattice, and the pose of a further camera, as found; none, or one for each camera
     #[arg(long, value_name = "FILE", help_heading = OUTPUT)]
     pub camera_out: Vec<PathBuf>,
-    /// Image (EXR) as the fit explains it, without background and flat field; none, or one for each camera. Blind pixels
-    /// have light too
+    /// Image (EXR) as the fit explains it, without background and flat field; none, or one for each camera. Blind
+    /// pixels have light too
     #[arg(long, value_name = "FILE", help_heading = OUTPUT)]
     pub expected: Vec<PathBuf>,
     /// Write one line of JSON for each step: particles, changes, misfit, size, drift, noise, seconds

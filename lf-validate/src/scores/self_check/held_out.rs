@@ -9,7 +9,7 @@ use serde::Serialize;
 const LIT: f64 = 3.0;
 /// Squares are cut here, so that single hot pixels do not decide.
 const MOST_SQUARE: f64 = 25.0;
-/// Fewest lit pixels of a statement.
+/// Lit pixels that a statement needs.
 const FEWEST: usize = 100;
 
 /// The pixels that were held out.
@@ -21,7 +21,7 @@ pub struct HeldOut {
     pub dark: usize,
     /// Mean squared difference over the variance by noise of the lit pixels.
     pub chi2: f64,
-    /// The same of the dark pixels.
+    /// Mean squared difference over the variance of the dark pixels.
     pub chi2_dark: f64,
 }
 

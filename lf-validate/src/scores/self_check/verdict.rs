@@ -1,4 +1,4 @@
-//! What the checks of a frame say, in one sentence.
+//! The verdict on a frame, in one sentence.
 
 use super::agreement::Agreement;
 use super::held_out::HeldOut;
@@ -10,7 +10,7 @@ const MOST_CHI2: f64 = 1.3;
 const MOST_FACTOR: f64 = 1.25;
 /// Share of particles without a partner up to which the two fits found the same ones.
 const MOST_ALONE: f64 = 0.2;
-/// Fewest pairs of a statement.
+/// Pairs that a statement needs.
 const FEWEST: usize = 20;
 
 /// The checks of a frame.
