@@ -4,6 +4,7 @@
 //! - [`pictures`]: a score in, its chart out.
 //! - [`export`]: a volume or particles in, a file for other programs out.
 //! - [`report`]: the folder of a run in, a page that shows it out.
+//! - [`split`]: a frame and its camera in, two of its parts out.
 //! - [`info`]: the content of a file in, a description of one screen out.
 //!
 //! The structs serialise to the JSON that `lf-validate` prints. Sums are taken in `f64` in the order of the data, so
@@ -14,3 +15,4 @@ pub mod info;
 pub mod pictures;
 pub mod report;
 pub mod scores;
+pub mod split;

@@ -2,6 +2,7 @@
 
 use super::{
     depth, displacement, divergence, elongation, ensemble, export, info, particles, precision, quality, report,
+    self_check, split,
 };
 use clap::{Parser, Subcommand};
 use lf_core::cli::{Common, MemoryLimit};
@@ -44,6 +45,9 @@ pub enum Command {
     Divergence(divergence::DivergenceArguments),
     Ensemble(ensemble::EnsembleArguments),
     Precision(precision::PrecisionArguments),
+    Split(split::SplitArguments),
+    #[command(name = "self")]
+    SelfCheck(self_check::SelfArguments),
     Info(info::InfoArguments),
     Export(export::ExportArguments),
     Report(report::ReportArguments),

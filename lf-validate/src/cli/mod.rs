@@ -18,5 +18,7 @@ mod precision;
 mod quality;
 mod report;
 mod run;
+mod self_check;
+mod split;
 
 pub use run::run;

@@ -3,6 +3,7 @@
 use super::arguments::{Arguments, Command};
 use super::{
     depth, displacement, divergence, elongation, ensemble, export, info, output, particles, precision, quality, report,
+    self_check, split,
 };
 use lf_core::cli;
 use std::process::ExitCode;
@@ -24,6 +25,8 @@ pub fn run() -> ExitCode {
                 Command::Divergence(arguments) => divergence::judge(arguments, session),
                 Command::Ensemble(arguments) => ensemble::average(arguments, limit, session),
                 Command::Precision(arguments) => precision::judge(arguments, session),
+                Command::Split(arguments) => split::write(arguments, session),
+                Command::SelfCheck(arguments) => self_check::judge(arguments, session),
                 Command::Info(arguments) => info::describe(arguments, session),
                 Command::Export(arguments) => export::write(arguments, limit, session),
                 Command::Report(arguments) => report::write(arguments, limit, session),

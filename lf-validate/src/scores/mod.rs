@@ -14,4 +14,5 @@ pub mod light;
 pub mod particles;
 pub mod precision;
 pub mod quality;
+pub mod self_check;
 pub(crate) mod units;

@@ -125,6 +125,11 @@ impl<'a> CameraView<'a> {
         Particle { place_mm: self.pose.to_camera(particle.place_mm), light: self.light * particle.light }
     }
 
+    /// The image as the fit explains it, counts; blind pixels have light too.
+    pub fn expected(&self) -> Array2<f32> {
+        Array2::from_shape_fn(self.image.dim(), |(row, column)| self.expected[row * self.image.ncols() + column])
+    }
+
     /// The rotation that takes derivatives from the frame of this camera to that of the first; None for the identity.
     pub(crate) fn rotation(&self) -> Option<&[[f64; 3]; 3]> {
         let rotation = &self.pose.rotation;

@@ -77,6 +77,10 @@ pub struct Arguments {
     /// Camera (camera.json) with the lattice, and the pose of a further camera, as found; none, or one for each camera
     #[arg(long, value_name = "FILE", help_heading = OUTPUT)]
     pub camera_out: Vec<PathBuf>,
+    /// Image (EXR) as the fit explains it, without background and flat field; none, or one for each camera. Blind
+    /// pixels have light too
+    #[arg(long, value_name = "FILE", help_heading = OUTPUT)]
+    pub expected: Vec<PathBuf>,
     /// Write one line of JSON for each step: particles, changes, misfit, size, drift, noise, seconds
     #[arg(long, value_name = "FILE", help_heading = EXPERIMENTS, hide = true)]
     pub log: Option<PathBuf>,
@@ -113,6 +117,7 @@ impl Arguments {
             ("volume", "volume", &self.volume, self.volume.len() == images),
             ("--background", "background", &self.background, optional(&self.background)),
             ("--camera-out", "camera", &self.camera_out, optional(&self.camera_out)),
+            ("--expected", "image", &self.expected, optional(&self.expected)),
         ] {
             if !fits {
                 return Err(Error::new(option, format!("given {} times", files.len()), wanted(what)));

@@ -5,7 +5,7 @@ use super::inputs;
 use glam::DMat3;
 use lf_core::camera::Pose;
 use lf_core::particles::{self, Uncertainty};
-use lf_core::{Camera, Error, Result, Session, Verdict, cli, io, volume};
+use lf_core::{Camera, Error, Result, Session, Verdict, cli, image, io, volume};
 use lf_fit::{
     self as fit, CameraInput, CameraView, Cause, Changes, Doubts, EXPLAINED, Fit, FitOptions, FoundParticle, Particle,
     Progress,
@@ -45,7 +45,8 @@ fn run(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
 
 /// The files to write.
 fn outputs(arguments: &Arguments) -> Vec<&Path> {
-    let optional = arguments.output.iter().chain(&arguments.camera_out).chain(&arguments.log);
+    let optional =
+        arguments.output.iter().chain(&arguments.camera_out).chain(&arguments.expected).chain(&arguments.log);
     std::iter::once(&arguments.particles).chain(optional).map(|path| path.as_path()).collect()
 }
 
@@ -240,6 +241,9 @@ fn write(arguments: &Arguments, first: &CameraInput, found: &Fit, log: &str, ses
             moved.pose = Some(posed(camera, &view.pose));
         }
         io::save_text(file, |out| writeln!(out, "{}", moved.to_json()))?;
+    }
+    for (file, view) in arguments.expected.iter().zip(&found.cameras) {
+        image::save(file, &view.expected(), &history)?;
     }
     match &arguments.log {
         Some(file) => io::save_text(file, |out| out.write_all(log.as_bytes())),

@@ -14,7 +14,7 @@ const SIGMAS: f64 = 3.0;
 
 /// Pairs of (true, found) positions in the lists. Each particle is in one pair at most: the nearest two make a pair
 /// first, by their distance in boxes, then the next nearest of the rest.
-pub(super) fn matches(truth: &[Particle], found: &[Particle], box_mm: [f64; 3]) -> Vec<(usize, usize)> {
+pub(crate) fn matches(truth: &[Particle], found: &[Particle], box_mm: [f64; 3]) -> Vec<(usize, usize)> {
     let mut by_x: Vec<usize> = (0..truth.len()).collect();
     by_x.sort_by(|a, b| truth[*a].place_mm[0].total_cmp(&truth[*b].place_mm[0]));
     let mut near = Vec::new();

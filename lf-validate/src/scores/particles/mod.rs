@@ -7,4 +7,5 @@
 mod matches;
 mod score;
 
+pub(crate) use matches::matches;
 pub use score::{Accuracy, ParticleScore, particles};
