@@ -8,12 +8,13 @@
 //! voxel would light all of these pixels. So a voxel is kept if their product (a mean of logarithms, or the smallest of
 //! them) is high enough. Source: Shi, Ding, New & Soria (2017), section 2, after Atkinson & Soria (2009).
 
+mod explained;
 mod options;
 mod plan;
 mod score;
 mod threshold;
 
-pub use options::{BRIGHT_THRESHOLDS, DARK_THRESHOLDS, PruneOptions, Region, Score};
+pub use options::{BRIGHT_THRESHOLDS, DARK_THRESHOLDS, FORGIVING, PruneOptions, Region, Score};
 pub use plan::{PrunePlan, Support};
 pub use threshold::Automatic;
 

@@ -1,5 +1,5 @@
 use crate::options::Score;
-use lf_core::{image::noise, light::Tones};
+use lf_core::{Camera, image::noise, light::Tones, light::usual_light};
 use ndarray::ArrayView2;
 
 /// A threshold found from the image.
@@ -7,11 +7,13 @@ use ndarray::ArrayView2;
 pub struct Automatic {
     /// Noise over the brightest pixel.
     pub noise: f64,
+    /// Brightness of the usual light over the brightest pixel, [`usual_light`].
+    pub light: f64,
     /// Smallest geometric mean kept, over the brightest pixel.
     pub threshold: f64,
 }
 
-/// Threshold of a geometric mean over the brightness of the light, [`Tones::light`]. In the ready scenes `core` and
+/// Threshold of a geometric mean over the brightness of the usual light. In the ready scenes `core` and
 /// `full` the voxel of a particle scores at least a quarter of that brightness, even with noise of 2 % of the brightest
 /// pixel. Half of this value keeps twice the voxels.
 const MEAN_SHARE: f64 = 0.2;
@@ -29,14 +31,18 @@ impl Automatic {
         }
     }
 
-    /// The threshold for an image of shape (height, width) without negative values, and for a score. NaN is a blind
+    /// The threshold for an image of the camera's size, and for a score. NaN is a blind
     /// pixel.
-    pub fn new(image: ArrayView2<f32>, score: Score) -> Self {
-        let Tones { light, peak, .. } = Tones::new(image);
+    pub fn new(image: ArrayView2<f32>, camera: &Camera, score: Score) -> Self {
+        let tones = Tones::new(image);
+        let peak = tones.peak;
         if peak <= 0.0 {
-            return Self { noise: 0.0, threshold: 0.0 };
+            return Self { noise: 0.0, light: 0.0, threshold: 0.0 };
         }
-        let noise = (noise(image) / peak).min(1.0);
-        Self { noise, threshold: (Self::share(score) * light / peak).max(noise).min(1.0) }
+        let deviation = noise(image);
+        let lenslet_px = camera.microlenses.pitch_mm / camera.sensor.pixel_pitch_mm;
+        let light = usual_light(image, lenslet_px, &tones, deviation) / peak;
+        let noise = (deviation / peak).min(1.0);
+        Self { noise, light, threshold: (Self::share(score) * light).max(noise).min(1.0) }
     }
 }

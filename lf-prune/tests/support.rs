@@ -1,23 +1,23 @@
 //! The support of a rendered scene, refusals, and the same bytes for any number of threads.
 
-use lf_core::Volume;
+use lf_core::{Volume, image};
 use lf_tests::{Call, Workbench};
 
 const CALL: &str = "scene/frame-0000.exr -c scene/camera.json --pvr 2,2,20 --depth -5,5";
 
+const SIDE: [&str; 4] =
+    ["camera.sensor.width=308", "camera.sensor.height=308", "volume.x_mm=[-0.385,0.385]", "volume.y_mm=[-0.385,0.385]"];
+
 /// A frame of a small scene.
 fn bench() -> Workbench {
+    bench_of("0.3")
+}
+
+fn bench_of(per_lenslet: &str) -> Workbench {
     let bench = Workbench::new(env!("CARGO_BIN_EXE_lf-prune"));
-    let small = [
-        "camera.sensor.width=308",
-        "camera.sensor.height=308",
-        "volume.x_mm=[-0.385,0.385]",
-        "volume.y_mm=[-0.385,0.385]",
-        "particles.per_lenslet=0.3",
-        "particles.rays=20000",
-        "frames=1",
-    ];
-    bench.scene("demo", &small);
+    let density = format!("particles.per_lenslet={per_lenslet}");
+    let others = ["particles.rays=20000", "frames=1", &density];
+    bench.scene("demo", &[&SIDE[..], &others].concat());
     Call::new("lf-synth").within(bench.root()).words(["frames", "scene.json", "-o", "scene"]).run().done();
     bench
 }
@@ -45,6 +45,27 @@ fn a_scene_is_pruned_to_the_voxels_of_its_particles() {
     let estimate = bench.done(&format!("{CALL} --estimate")).json();
     let expected = estimate["kept"].as_f64().unwrap();
     assert!((expected / kept as f64 - 1.0).abs() < 0.4, "{expected} expected, {kept} kept");
+}
+
+/// A particle a hundred times as bright as the others takes none of them away. A volume that is too shallow is warned
+/// of, a good one is not.
+#[test]
+fn a_bright_particle_hides_no_faint_ones() {
+    let bench = bench_of("0.06");
+    let faint = image::open(&bench.path("scene/frame-0000.exr")).unwrap();
+    bench.scene("demo", &["seed=9", "frames=1", "particles.per_lenslet=0.003", SIDE[0], SIDE[1], SIDE[2], SIDE[3]]);
+    Call::new("lf-synth").within(bench.root()).words(["frames", "scene.json", "-o", "bright"]).run().done();
+    let bright = image::open(&bench.path("bright/frame-0000.exr")).unwrap();
+    let both = &faint.pixels + &(100.0 * &bright.pixels);
+    image::save(&bench.path("both.exr"), &both, &faint.history).unwrap();
+    let words = "-c scene/camera.json --pvr 2,2,20 --truth scene/particles.csv --stats stats.json -o support.lfv";
+    let found = bench.done(&format!("both.exr {words} --depth -5,5"));
+    assert!(!found.stderr.contains("warning"), "{}", found.stderr);
+    let counts = &bench.json("stats.json")["counts"];
+    assert!(counts["particles"].as_u64().unwrap() > 2 && counts["lost_particles"] == 0, "{counts}");
+    assert!(counts["explained_light"].as_f64().unwrap() > 0.98, "{counts}");
+    let shallow = bench.done(&format!("scene/frame-0000.exr {words} --depth 4,5"));
+    assert!(shallow.stderr.contains("seen by no kept voxel"), "{}", shallow.stderr);
 }
 
 #[test]

@@ -7,7 +7,9 @@
 mod lattice_light;
 mod stop_light;
 mod tones;
+mod usual;
 
 pub use lattice_light::{Follows, LatticeLight};
 pub use stop_light::light_through;
 pub use tones::Tones;
+pub use usual::usual_light;

@@ -4,9 +4,14 @@ use super::{arguments::Arguments, warnings};
 use lf_core::{
     Camera, Grid, Result, Session, Tile, Verdict, cli, image, io, particles, volume, weights::aperture_sections,
 };
-use lf_prune::{Automatic, PruneOptions, PrunePlan, Region, Support};
+use lf_prune::{Automatic, BRIGHT_THRESHOLDS, FORGIVING, PruneOptions, PrunePlan, Region, Score, Support};
 use std::path::Path;
 use std::process::ExitCode;
+
+/// Prune again if the kept voxels explain less than this share of the light, and keep the new voxels if they explain
+/// this much more. Usual scenes are explained to 0.998 or more.
+const EXPLAINED: f64 = 0.98;
+const GAINED: f64 = 0.01;
 
 pub fn main() -> ExitCode {
     cli::run("lf-prune", |arguments: &Arguments| &arguments.common, run)
@@ -34,7 +39,7 @@ fn run(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
     let grid = arguments.grid(&camera)?;
     allow(PrunePlan::list_bytes(&grid), arguments, &grid)?;
     session.warn_of_frame(&image, &camera, arguments.background.is_some());
-    let found = Automatic::new(pixels, arguments.scored_by());
+    let found = Automatic::new(pixels, &camera, arguments.scored_by());
     let threshold = arguments.typed_threshold().unwrap_or_else(|| explain_threshold(&found, arguments, session));
     let options = arguments.options(threshold);
     let tile = tile(arguments, &camera, &grid)?;
@@ -64,6 +69,38 @@ fn run(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
         let progress = session.progress("slices", grid.shape[2] as u64);
         Ok(plan.prune(pixels, |slices| progress.add(slices)))
     })?;
+    // Prune again, more forgivingly, if light is left that no kept voxel explains.
+    let peak = pixels.iter().fold(0f32, |peak, value| peak.max(*value));
+    let lit = [threshold.max(5.0 * found.noise), found.light].map(|share| share as f32 * peak);
+    let explained = |support: &Support| match tile.is_some() || options.keep_all {
+        true => None,
+        false => support.explained(pixels, &camera, &grid, lit),
+    };
+    let mut share = explained(&support);
+    let is_ours = arguments.typed_threshold().is_none() && options.score == Score::Geometric;
+    let (mut support, mut options) = (support, options);
+    if is_ours && share.is_some_and(|share| share < EXPLAINED) {
+        let [dark, lower] = FORGIVING;
+        let threshold = (lower * threshold).max(2.0 * found.noise).min(threshold);
+        let again =
+            PruneOptions { threshold, dark: dark * threshold, bright: BRIGHT_THRESHOLDS * threshold, ..options };
+        let plan = PrunePlan::new(&camera, &grid, &regions, &again).map_err(refused)?;
+        let other = session.phase("prune again", |session| {
+            let progress = session.progress("slices", grid.shape[2] as u64);
+            Ok(plan.prune(pixels, |slices| progress.add(slices)))
+        })?;
+        let gained = explained(&other).zip(share).map_or(0.0, |(after, before)| after - before);
+        session.explain(format!(
+            "pruned again with a lower threshold, {:.2} %, and four rays in ten free to be dark: {:.0} % more of the \
+             light is explained",
+            100.0 * threshold,
+            100.0 * gained
+        ));
+        if gained > GAINED {
+            share = explained(&other);
+            (support, options) = (other, again);
+        }
+    }
     report(&support, &plan, &grid, &options, session);
     if let Some(file) = &arguments.truth {
         report_lost(&support, &grid, file, arguments.frame, session)?;
@@ -71,6 +108,7 @@ fn run(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
     if support.indices.is_empty() {
         return Err(warnings::nothing_left(io::name(&arguments.image), &image, &support, &plan, &camera));
     }
+    warnings::warn_of_light(share, session);
     warnings::warn(&support, &plan, &camera, &options, found.noise, session);
     session.phase("write", |session| {
         let history = session.history(&image.history);
@@ -90,7 +128,7 @@ fn allow(bytes: f64, arguments: &Arguments, grid: &Grid) -> Result<()> {
 fn explain_threshold(found: &Automatic, arguments: &Arguments, session: &mut Session) -> f64 {
     session.count("noise", found.noise);
     session.count("threshold", found.threshold);
-    let of_light = format!("{:.0} % of the light's mean brightness", 100.0 * Automatic::share(arguments.scored_by()));
+    let of_light = format!("{:.0} % of the light's usual brightness", 100.0 * Automatic::share(arguments.scored_by()));
     let by = if found.threshold > found.noise { of_light } else { "the noise".to_string() };
     let [threshold, noise] = [found.threshold, found.noise].map(|share| 100.0 * share);
     session.explain(format!("threshold {threshold:.2} % of the brightest pixel, {by}; noise {noise:.2} %"));

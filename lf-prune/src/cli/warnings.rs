@@ -11,6 +11,22 @@ const DARK_SECTIONS: f64 = 0.05;
 /// Share of the voxels that pruning must rule out to be of use.
 const RULED_OUT: f64 = 0.1;
 
+/// Warn if the kept voxels explain less than this share of the light.
+const EXPLAINED: f64 = 0.9;
+
+/// Warns if light is left that no kept voxel sees.
+pub fn warn_of_light(explained: Option<f64>, session: &mut Session) {
+    let Some(explained) = explained else { return };
+    session.count("explained_light", explained);
+    if explained < EXPLAINED {
+        session.warn(format!(
+            "{:.0} % of the lit pixels' light is seen by no kept voxel, so particles are lost: widen --depth, lower \
+             --threshold, or calibrate the camera on this frame with lf-calib lattice",
+            100.0 * (1.0 - explained)
+        ));
+    }
+}
+
 /// Describes how the light fills the stop: `31 of 156 sections ...`.
 fn fill(support: &Support, plan: &PrunePlan, camera: &Camera) -> String {
     let (dark, all) = (support.dark_sections, plan.sections());
