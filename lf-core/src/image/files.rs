@@ -53,8 +53,8 @@ pub struct Frame {
 }
 
 /// Reads a frame, subtracts the background, sets negative results to 0, and divides by the flat field
-/// of `camera`, which was read from `camera_file`. Pixels below [`BLIND`] become NaN. All images are sensor-sized. A frame
-/// of floating-point pixels may be negative: its background is subtracted already.
+/// of `camera`, which was read from `camera_file`. Pixels below [`BLIND`] become NaN. All images are sensor-sized. A
+/// frame of floating-point pixels may be negative: its background is subtracted already.
 pub fn open_frame(
     path: &Path,
     background: Option<&Path>,
