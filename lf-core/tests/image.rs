@@ -2,7 +2,7 @@
 
 use crate::allocation;
 use image::{ExtendedColorType, ImageEncoder};
-use lf_core::image::{Channel, Image, Stack, open, open_counts, outside_u16, save};
+use lf_core::image::{Channel, Image, Stack, open, open_counts, open_frame, open_signed_frame, outside_u16, save};
 use lf_core::{History, history::Step};
 use ndarray::{Array2, array};
 use std::io::Cursor;
@@ -272,6 +272,29 @@ fn what_is_no_count_is_counted_and_placed() {
     save(&path, &pixels, &steps()).unwrap();
     assert!(refusal(&path).contains("3 pixels are not a count, the first NaN at x 3, y 1"));
     assert!(open(&path).is_ok());
+}
+
+/// A frame from which the user has subtracted the background: a fit keeps what is negative, the others see 0.
+#[test]
+fn a_frame_may_be_negative() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("frame.exr");
+    let mut pixels = Array2::from_elem((8, 8), 4.0f32);
+    pixels[[2, 5]] = -1.5;
+    save(&path, &pixels, &History::new()).unwrap();
+    let json = r#"{"sensor": {"width": 8, "height": 8, "pixel_pitch_mm": 0.0055},
+        "main_lens": {"focal_length_mm": 200.0, "magnification": 1.0, "working_f_number": 4.0, "aperture": "square"},
+        "microlenses": {"layout": "square", "pitch_mm": 0.077, "focal_length_mm": 0.308,
+                        "rotation_rad": 0.0, "offset_mm": [0.0, 0.0]}}"#;
+    let camera = lf_core::Camera::from_json(json).unwrap();
+    let file = Path::new("camera.json");
+    assert_eq!(open_signed_frame(&path, None, &camera, file, None).unwrap().pixels, pixels);
+    pixels[[2, 5]] = 0.0;
+    assert_eq!(open_frame(&path, None, &camera, file, None).unwrap().pixels, pixels);
+    pixels[[1, 3]] = f32::NAN;
+    save(&path, &pixels, &History::new()).unwrap();
+    let refused = open_frame(&path, None, &camera, file, None).err().unwrap().to_string();
+    assert!(refused.contains("1 pixel is not finite, the first NaN at x 3, y 1; wanted finite values"), "{refused}");
 }
 
 #[test]

@@ -9,7 +9,7 @@ use rayon::prelude::*;
 /// About this many lit pixels are examined, spread evenly over those of the frame.
 const PIXELS: usize = 2000;
 
-/// Fewer pixels tell nothing.
+/// With fewer pixels the share is unknown.
 const FEWEST_PIXELS: usize = 30;
 
 impl Support {

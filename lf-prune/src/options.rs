@@ -41,8 +41,9 @@ pub const DARK_THRESHOLDS: f64 = 1.0 / 50.0;
 /// these two limits keep and lose.
 pub const BRIGHT_THRESHOLDS: f64 = 2.0;
 
-/// What a frame gets whose light the kept voxels do not explain: [`PruneOptions::dark`] in thresholds, and its threshold
-/// as a share of the usual one. Four rays in ten may then be dark. A real lens shows some sections elsewhere.
+/// The second pruning of a frame whose light the kept voxels do not explain: [`PruneOptions::dark`] in thresholds, and
+/// the threshold as a share of the usual one. Four rays in ten may then be dark: a real lens shows some sections
+/// elsewhere.
 pub const FORGIVING: [f64; 2] = [0.35, 0.5];
 
 /// The voxels of a slice that are scored, along x and y.

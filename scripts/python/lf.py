@@ -300,8 +300,8 @@ def read_image(path: Path, channel: str | None = None) -> tuple[np.ndarray, list
     if list(channels) != ["Y"]:
         raise Refused(f"{path}: channels {', '.join(channels)}; wanted one channel Y")
     counts = channels["Y"].astype(np.float32)
-    if not ((counts >= 0) & np.isfinite(counts)).all():
-        raise Refused(f"{path}: pixels that are not counts; wanted finite values that are not negative")
+    if not np.isfinite(counts).all():
+        raise Refused(f"{path}: pixels that are not finite; wanted finite values")
     return counts, json.loads(header.get("lf:history", "[]"))
 
 
@@ -348,7 +348,7 @@ def read_frame(
     path: Path, camera: Camera, background: Path | None = None, channel: str | None = None
 ) -> tuple[np.ndarray, list]:
     """An image of the camera's size, minus a background, divided by the camera's flat field; and its history. Negative
-    differences become 0. A pixel that sees less than a twentieth of the flat field's light is NaN, as in lf-core."""
+    values become 0. A pixel that sees less than a twentieth of the flat field's light is NaN, as in lf-core."""
 
     def sized(file):
         counts, history = read_image(file, channel)
@@ -359,7 +359,8 @@ def read_frame(
 
     counts, history = sized(path)
     if background is not None:
-        counts = np.maximum(counts - sized(background)[0], 0)
+        counts = counts - sized(background)[0]
+    counts = np.maximum(counts, 0)
     if camera.flat_field is not None:
         flat = sized(camera.flat_field)[0]
         counts = np.where(flat < 0.05, np.float32(np.nan), counts / np.maximum(flat, np.float32(0.05)))

@@ -3,7 +3,7 @@
 use super::clipped::clipped_share;
 use super::{
     channel::Channel,
-    decode::{Image, counts, damaged, guarded},
+    decode::{Image, counts, damaged, finite, guarded},
     light_field,
     stack::Stack,
     tiff,
@@ -52,8 +52,9 @@ pub struct Frame {
     pub clipped: Option<(f32, f64)>,
 }
 
-/// Reads counts ([`open_counts`]), subtracts the background, sets negative results to 0, and divides by the flat field
-/// of `camera`, which was read from `camera_file`. Pixels below [`BLIND`] become NaN. All images are sensor-sized.
+/// Reads a frame, subtracts the background, sets negative results to 0, and divides by the flat field
+/// of `camera`, which was read from `camera_file`. Pixels below [`BLIND`] become NaN. All images are sensor-sized. A
+/// frame of floating-point pixels may be negative: its background is subtracted already.
 pub fn open_frame(
     path: &Path,
     background: Option<&Path>,
@@ -84,14 +85,15 @@ fn read_frame(
     channel: Option<Channel>,
     held: impl Fn(f32) -> f32,
 ) -> Result<Frame> {
-    let mut image = open_counts(path, channel)?;
+    let mut image = finite(Stack::open(path)?.only(channel)?, &io::name(path))?;
     let (height, width) = image.pixels.dim();
     camera.check_image(&io::name(path), width, height)?;
     let clipped = clipped_share(image.pixels.view());
     if let Some(file) = background {
         let dark = like("background", file, path, &image, channel)?;
-        image.pixels.zip_mut_with(&dark, |pixel, dark| *pixel = held(*pixel - dark));
+        image.pixels -= &dark;
     }
+    image.pixels.mapv_inplace(held);
     if let Some(file) = camera.flat_field(camera_file) {
         let flat = like("flat field", &file, path, &image, channel)?;
         image.pixels.zip_mut_with(&flat, |pixel, flat| *pixel = if *flat < BLIND { f32::NAN } else { *pixel / flat });

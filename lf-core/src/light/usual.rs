@@ -3,8 +3,8 @@ use crate::statistics::upper_median;
 use ndarray::{ArrayView2, s};
 use rayon::prelude::*;
 
-/// Light weaker than this share of the mean brightness, or than so many standard deviations of the noise, is not
-/// examined.
+/// Light weaker than this share of the mean brightness, or than this many standard deviations of the noise, is
+/// not examined.
 const LEAST_SHARE: f64 = 0.01;
 const LEAST_NOISE: f64 = 5.0;
 

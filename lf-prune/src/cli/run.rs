@@ -1,17 +1,13 @@
 //! Reads image and camera, prunes, and writes the support.
 
+use super::again::{self, Frame, Pruned};
 use super::{arguments::Arguments, warnings};
 use lf_core::{
     Camera, Grid, Result, Session, Tile, Verdict, cli, image, io, particles, volume, weights::aperture_sections,
 };
-use lf_prune::{Automatic, BRIGHT_THRESHOLDS, FORGIVING, PruneOptions, PrunePlan, Region, Score, Support};
+use lf_prune::{Automatic, PruneOptions, PrunePlan, Region, Support};
 use std::path::Path;
 use std::process::ExitCode;
-
-/// Prune again if the kept voxels explain less than this share of the light, and keep the new voxels if they explain
-/// this much more. Usual scenes are explained to 0.998 or more.
-const EXPLAINED: f64 = 0.98;
-const GAINED: f64 = 0.01;
 
 pub fn main() -> ExitCode {
     cli::run("lf-prune", |arguments: &Arguments| &arguments.common, run)
@@ -69,38 +65,11 @@ fn run(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
         let progress = session.progress("slices", grid.shape[2] as u64);
         Ok(plan.prune(pixels, |slices| progress.add(slices)))
     })?;
-    // Prune again, more forgivingly, if light is left that no kept voxel explains.
-    let peak = pixels.iter().fold(0f32, |peak, value| peak.max(*value));
-    let lit = [threshold.max(5.0 * found.noise), found.light].map(|share| share as f32 * peak);
-    let explained = |support: &Support| match tile.is_some() || options.keep_all {
-        true => None,
-        false => support.explained(pixels, &camera, &grid, lit),
-    };
-    let mut share = explained(&support);
-    let is_ours = arguments.typed_threshold().is_none() && options.score == Score::Geometric;
-    let (mut support, mut options) = (support, options);
-    if is_ours && share.is_some_and(|share| share < EXPLAINED) {
-        let [dark, lower] = FORGIVING;
-        let threshold = (lower * threshold).max(2.0 * found.noise).min(threshold);
-        let again =
-            PruneOptions { threshold, dark: dark * threshold, bright: BRIGHT_THRESHOLDS * threshold, ..options };
-        let plan = PrunePlan::new(&camera, &grid, &regions, &again).map_err(refused)?;
-        let other = session.phase("prune again", |session| {
-            let progress = session.progress("slices", grid.shape[2] as u64);
-            Ok(plan.prune(pixels, |slices| progress.add(slices)))
-        })?;
-        let gained = explained(&other).zip(share).map_or(0.0, |(after, before)| after - before);
-        session.explain(format!(
-            "pruned again with a lower threshold, {:.2} %, and four rays in ten free to be dark: {:.0} % more of the \
-             light is explained",
-            100.0 * threshold,
-            100.0 * gained
-        ));
-        if gained > GAINED {
-            share = explained(&other);
-            (support, options) = (other, again);
-        }
-    }
+    let frame = Frame { pixels, camera: &camera, grid: &grid, found: &found, is_whole: tile.is_none() };
+    let is_automatic = arguments.typed_threshold().is_none();
+    let Pruned { support, options, explained } =
+        again::improve(Pruned::new(support, options, &frame), &frame, &regions, is_automatic, session)
+            .map_err(refused)?;
     report(&support, &plan, &grid, &options, session);
     if let Some(file) = &arguments.truth {
         report_lost(&support, &grid, file, arguments.frame, session)?;
@@ -108,7 +77,7 @@ fn run(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
     if support.indices.is_empty() {
         return Err(warnings::nothing_left(io::name(&arguments.image), &image, &support, &plan, &camera));
     }
-    warnings::warn_of_light(share, session);
+    warnings::warn_of_light(explained, session);
     warnings::warn(&support, &plan, &camera, &options, found.noise, session);
     session.phase("write", |session| {
         let history = session.history(&image.history);
