@@ -68,7 +68,7 @@ pub fn improve(
     let progress = session.progress("slices, again", frame.grid.shape[2] as u64);
     let support = plan.prune(frame.pixels, |slices| progress.add(slices));
     drop(progress);
-    // The same light is asked for as before.
+    // With the limits of the first pruning, so that the shares compare.
     let explained = frame.explained(&support, &first.options);
     let gained = explained.map_or(0.0, |after| after - before);
     session.explain(format!(

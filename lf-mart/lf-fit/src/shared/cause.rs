@@ -1,4 +1,5 @@
-//! The likely cause where a camera does not explain its image: one parameter at a time is moved, the particles follow, and the fall of the squares is foreseen from their slopes (a score test).
+//! The likely cause where a camera does not explain its image: one parameter at a time is moved, the particles follow,
+//! and the fall of the squares is foreseen from their slopes (a score test).
 
 use super::shape_fit::Sample;
 use crate::cameras::view::{CameraView, Cameras};
