@@ -14,7 +14,7 @@ const FEWEST_PIXELS: usize = 30;
 
 impl Support {
     /// The share of the light that falls on pixels which see a kept voxel. Pixels count that have at least `least`
-    /// counts, each with at most `most`, so that no bright particle decides. A pixel counts only if its rays stay
+    /// counts, each with at most `most`, so that no bright particle decides. A pixel counts only if all its rays stay
     /// within the sides of the grid. None if few pixels count.
     pub fn explained(
         &self,
@@ -73,7 +73,7 @@ impl<'a> Sight<'a> {
         DMat2::from_cols(x, y).inverse() * (sensor_mm - origin)
     }
 
-    /// Ranges of voxel indices that a pixel sees, a row of a slice each. None if it sees beside the grid.
+    /// Ranges of voxel indices that a pixel sees, a row of a slice each. None if it sees anything beside the grid.
     fn paths(&self, column: u32, row: u32) -> Option<Vec<[u64; 2]>> {
         let sensor_mm = self.optics.centre_mm(column, row);
         let centre_mm = self.optics.lattice().nearest_centre_mm(sensor_mm / self.gain);
@@ -83,7 +83,8 @@ impl<'a> Sight<'a> {
         for z in 0..nz {
             let (middle, reach) = self.footprint(centre_mm, stop_mm, self.grid.centre_mm(2, z));
             let [x, y] = [middle.x, middle.y];
-            if x < 0.0 || y < 0.0 || x > (nx - 1) as f64 || y > (ny - 1) as f64 {
+            let is_within = |at: f64, reach: f64, count: usize| at >= reach && at + reach <= (count - 1) as f64;
+            if !is_within(x, reach.x, nx) || !is_within(y, reach.y, ny) {
                 return None;
             }
             let range = |at: f64, reach: f64, count: usize| {

@@ -25,8 +25,8 @@ use std::path::{Path, PathBuf};
 #[command(
     verbatim_doc_comment,
     after_help = "Examples, in out/ after scripts/demo:
-  mkdir -p halves && lf-validate split scene/frame-0000.exr -c camera.json --by pupil -o halves
-  mkdir -p held && lf-validate split scene/frame-0000.exr -c camera.json --by pixels --hold 0.05 -o held"
+  lf-validate split scene/frame-0000.exr -c camera.json --by pupil -o .
+  lf-validate split scene/frame-0000.exr -c camera.json --by pixels --hold 0.05 -o ."
 )]
 pub struct SplitArguments {
     /// Frame (EXR, TIFF, PNG)
