@@ -34,6 +34,7 @@ mod stages;
 
 pub use cameras::input::CameraInput;
 pub use cameras::noise::{KnownNoise, Noise};
+pub use cameras::residual::{RANDOM, Residual};
 pub use cameras::shape::{Free, Shape};
 pub use cameras::view::CameraView;
 pub use memory::estimated_bytes;

@@ -7,6 +7,7 @@
 use crate::cameras::input::CameraInput;
 use crate::cameras::matching;
 use crate::cameras::noise::{KnownNoise, Noise};
+use crate::cameras::residual::Residual;
 use crate::cameras::shape::{Free, Shape};
 use crate::cameras::view::{BEYOND_PX, CameraView, Cameras, depths_mm};
 use crate::model::buffers::FitBuffers;
@@ -79,6 +80,10 @@ pub struct Fit<'a> {
     pub cameras: Vec<CameraView<'a>>,
     /// Mean squared difference over variance where light is expected.
     pub misfit: f64,
+    /// Whether the differences that are left are noise.
+    pub residual: Residual,
+    /// The stated variances are this much larger than those of noise alone.
+    pub excess: f64,
     /// Doubts of the model that arose on the way.
     pub doubts: Doubts,
 }
@@ -283,7 +288,7 @@ impl<'a, 'o> Stages<'a, 'o> {
         let Schedule { round: name, least_rounds, .. } = *self.schedule;
         self.first_fits()?;
         self.particles.wake_where(|_| true);
-        let mut misfit = f64::INFINITY;
+        let (mut misfit, mut alike) = (f64::INFINITY, f64::INFINITY);
         for round in 0..self.options.rounds {
             let changes = self.round(round);
             self.find_noise();
@@ -294,8 +299,11 @@ impl<'a, 'o> Stages<'a, 'o> {
                 break;
             }
             // More particles do not mend a wrong model.
+            let residual = self.particles.cameras.residual();
             let before = std::mem::replace(&mut misfit, self.particles.cameras.misfit());
-            if misfit > EXPLAINED && misfit > LEAST_FALL * before {
+            let alike_before = std::mem::replace(&mut alike, residual.beside);
+            let is_stuck = misfit > EXPLAINED && misfit > LEAST_FALL * before;
+            if is_stuck || residual.is_model_error() && alike > LEAST_FALL * alike_before {
                 self.doubts.is_stopped = true;
                 break;
             }
@@ -497,7 +505,8 @@ impl<'a, 'o> Stages<'a, 'o> {
 
     /// One camera: scans near focus and drops what that makes spare. Several: drops pairs, and fits all again.
     fn last_change(&mut self) {
-        let criteria = self.criteria();
+        let mut criteria = self.criteria();
+        criteria.gain *= self.particles.cameras.residual().excess();
         let (rounds, scans) = (self.options.rounds, self.schedule.scans);
         self.particles.wake_where(|_| true);
         let changes = self.change(|tile| {
@@ -523,15 +532,16 @@ impl<'a, 'o> Stages<'a, 'o> {
     fn end(mut self) -> Result<Fit<'a>, Refusal> {
         self.fit("last fit", LAST_STEPS);
         self.particles.wake_where(|_| true);
-        let misfit = self.particles.cameras.misfit();
+        let (misfit, residual) = (self.particles.cameras.misfit(), self.particles.cameras.residual());
         let mut particles = self.particles.uncertainties(self.prior);
-        if misfit > EXPLAINED {
+        let excess = residual.excess() * if misfit > EXPLAINED { misfit } else { 1.0 };
+        if excess > 1.0 {
             // Errors of the model are errors of the places too.
-            particles.iter_mut().for_each(|particle| particle.widen(misfit));
+            particles.iter_mut().for_each(|particle| particle.widen(excess));
             let Particles { cameras, list, reach_px, .. } = &self.particles;
             let sample = Sample::new(cameras, list, *reach_px, self.options.free)?;
-            self.doubts.cause = sample.map(|sample| sample.cause()).transpose()?.flatten();
+            self.doubts.cause = sample.map(|sample| sample.cause(residual.beside)).transpose()?.flatten();
         }
-        Ok(Fit { particles, cameras: self.particles.cameras.views, misfit, doubts: self.doubts })
+        Ok(Fit { particles, cameras: self.particles.cameras.views, misfit, residual, excess, doubts: self.doubts })
     }
 }

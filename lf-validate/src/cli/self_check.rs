@@ -29,10 +29,9 @@ use std::path::{Path, PathBuf};
 #[derive(clap::Args)]
 #[command(
     verbatim_doc_comment,
-    after_help = "Examples, in out/ after scripts/demo:
-  mkdir -p held && lf-validate split scene/frame-0000.exr -c camera.json --by pixels -o held &&
-      lf-fit volume-0000.lfv -i scene/frame-0000.exr -c held/a.json --particles a.csv --expected a.exr &&
-      lf-validate self -i scene/frame-0000.exr -c held/b.json --expected a.exr --gain 1 --read-noise 3"
+    after_help = "Examples, after lf-validate split --by pupil and two fits; --by pixels and one fit:
+  lf-validate self a.csv b.csv -c camera.json
+  lf-validate self -i scene/frame-0000.exr -c b.json --expected a-expected.exr --gain 1 --read-noise 3"
 )]
 pub struct SelfArguments {
     /// Particles of the two parts (particles.csv); none, or two

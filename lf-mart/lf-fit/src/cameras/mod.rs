@@ -5,5 +5,6 @@
 pub mod input;
 pub mod matching;
 pub mod noise;
+pub mod residual;
 pub mod shape;
 pub mod view;

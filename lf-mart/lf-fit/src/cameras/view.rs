@@ -178,7 +178,24 @@ impl<'a> CameraView<'a> {
 
     /// Squared differences over variances of the pixels that are expected to be lit, by row: sum and number of pixels.
     fn misfits(&self) -> Vec<(f64, usize)> {
-        self.squares(LIT * self.noise.gain.max(self.noise.read_variance.sqrt()) as f32)
+        self.squares(self.lit())
+    }
+
+    /// Expected counts above which a pixel is lit.
+    fn lit(&self) -> f32 {
+        LIT * self.noise.gain.max(self.noise.read_variance.sqrt()) as f32
+    }
+
+    /// Differences over standard deviations in a row, cut at the root of the largest square; NaN where a pixel is blind
+    /// or not lit.
+    pub(crate) fn differences(&self, row: usize) -> Vec<f32> {
+        let (lit, most, width) = (self.lit(), MOST_SQUARE.sqrt(), self.image.ncols());
+        let pixels = self.image.row(row).into_iter().zip(&self.expected[row * width..(row + 1) * width]);
+        let of_pixel = |(seen, light): (&f32, &f32)| {
+            let difference = ((seen - light) / self.noise.variance(*light).sqrt()).clamp(-most, most);
+            if *light > lit { difference } else { f32::NAN }
+        };
+        pixels.map(of_pixel).collect()
     }
 
     /// Squared differences over variances of the pixels that are expected to be brighter than `least`, by row.
@@ -264,6 +281,10 @@ pub(crate) mod tests {
                     "offset_mm": [0.0, 0.0]}}}}"#
             ));
             Self { camera: camera.unwrap(), image: Array2::zeros((side, side)) }
+        }
+
+        pub(crate) fn fill(&mut self, value: impl Fn(usize, usize) -> f32) {
+            self.image = Array2::from_shape_fn(self.image.dim(), |(row, column)| value(row, column));
         }
     }
 

@@ -8,7 +8,7 @@ use lf_core::particles::{self, Uncertainty};
 use lf_core::{Camera, Error, Result, Session, Verdict, cli, image, io, volume};
 use lf_fit::{
     self as fit, CameraInput, CameraView, Cause, Changes, Doubts, EXPLAINED, Fit, FitOptions, FoundParticle, Particle,
-    Progress,
+    Progress, RANDOM,
 };
 use serde_json::{Value, json};
 use std::path::Path;
@@ -131,7 +131,7 @@ fn statistics(view: &CameraView) -> Value {
 
 /// Warns of a model that does not explain the image.
 fn warn_of_model(found: &Fit, session: &mut Session) {
-    let Fit { misfit, doubts: Doubts { misfit_sharp, is_stopped, cause }, .. } = *found;
+    let Fit { misfit, residual, excess, doubts: Doubts { misfit_sharp, is_stopped, cause }, .. } = *found;
     let shape = found.cameras[0].shape;
     if let (Some(before), Some(sigma_px)) = (misfit_sharp, shape.blur_px) {
         session.warn(format!(
@@ -147,7 +147,14 @@ fn warn_of_model(found: &Fit, session: &mut Session) {
              background is wrong, or these are not particles"
         ));
     });
-    if misfit > EXPLAINED {
+    if excess > 1.0 {
+        let how_far = match misfit > EXPLAINED {
+            true => format!("chi2 is {misfit:.2}, up to {EXPLAINED} is good"),
+            false => format!(
+                "differences of neighbouring pixels correlate by {:.2}, those of noise by less than {RANDOM}",
+                residual.beside
+            ),
+        };
         let stopped = if is_stopped { "; more particles did not help, so none were added" } else { "" };
         let cause = cause.map_or_else(String::new, |Cause { name, unit, step, share }| {
             let most = 100.0 * share;
@@ -158,9 +165,9 @@ fn warn_of_model(found: &Fit, session: &mut Session) {
             )
         });
         session.warn(format!(
-            "noise does not explain the image: chi2 is {misfit:.2}, up to {EXPLAINED} is good{stopped}{cause}; uncertainties are \
-             {:.2} times as large for it; check the camera (lf-calib lattice, refine), its blur and the background",
-            misfit.sqrt()
+            "noise does not explain the image: {how_far}{stopped}{cause}; uncertainties are {:.2} times as large for it; check \
+             the camera (lf-calib lattice, refine), its blur and the background",
+            excess.sqrt()
         ));
     }
 }
@@ -170,6 +177,7 @@ fn report(arguments: &Arguments, found: &Fit, session: &mut Session) {
     warn_of_model(found, session);
     session.count("particles", found.particles.len());
     session.count("chi2", found.misfit);
+    session.count("residual_correlation", found.residual.beside);
     for (name, value) in statistics(&found.cameras[0]).as_object().into_iter().flatten() {
         session.count(name, value.clone());
     }

@@ -39,8 +39,9 @@ const LEAST_SHARE: f64 = 0.2;
 const DAMPING: f64 = 1e-3;
 
 impl Sample<'_> {
-    /// The parameter that explains most; None if none explains a fifth.
-    pub(crate) fn cause(&self) -> Result<Option<Cause>, Refusal> {
+    /// The parameter that explains most; None if none explains a fifth. The differences of neighbouring pixels
+    /// correlate by `alike`: what they share is no noise, even if the noise was found from them.
+    pub(crate) fn cause(&self, alike: f64) -> Result<Option<Cause>, Refusal> {
         let view = self.cameras.first();
         let columns = self.window.columns;
         let mut buffers = FitBuffers::default();
@@ -52,8 +53,10 @@ impl Sample<'_> {
         let normal = Normal::new(images.iter(), columns, &mut buffers);
         let own = conjugate_gradients(&normal, &normal.gradient, DAMPING, DEEP);
         let lit = buffers.touched.iter().map(|n| *n as usize).filter(|n| buffers.weight[*n] > 0.0);
-        let excess: f64 =
-            lit.map(|n| f64::from(buffers.residual[n]).powi(2) / f64::from(buffers.weight[n]) - 1.0).sum();
+        let squares: Vec<f64> =
+            lit.map(|n| f64::from(buffers.residual[n]).powi(2) / f64::from(buffers.weight[n])).collect();
+        let sum: f64 = squares.iter().sum();
+        let excess = (sum - squares.len() as f64).max(alike * sum);
 
         let mut best: Option<Cause> = None;
         for (name, unit, small, change) in PARAMETERS {
