@@ -24,7 +24,7 @@ mod random;
 mod target;
 mod white;
 
-pub use background::{Background, SlidingMinimum};
+pub use background::{Background, Haze, SlidingMinimum, haze};
 pub use drift::{Refined, refine, refine_steps};
 pub use frames::{Change, Correction, Factor, HotPixels, Lasers, Sensitivity};
 pub use mean::{MeanImage, check_saturation};

@@ -147,3 +147,41 @@ fn a_sliding_background_has_the_history_of_its_frame() {
         assert_eq!(history[0].tool, format!("camera-{n}"));
     }
 }
+
+/// A frame of haze, 0.7 of the white image on 50 counts, and a bright lenslet: the haze is the frame without it.
+#[test]
+fn haze_follows_the_white_image() {
+    let bench = workbench();
+    let nominal = "nominal --sensor 112x98 --pixel 5.5um --f 200 --magnification 1 --f-number 4 --pitch 77um \
+         --lenslet-f 308um -o camera.json";
+    bench.done(nominal);
+    let aside = |n: usize| (n % 14) as f32 - 6.5;
+    let white =
+        Array2::from_shape_fn((98, 112), |(y, x)| 20.0 + 380.0 * (-0.05 * aside(x).hypot(aside(y)).powi(2)).exp());
+    let haze = white.mapv(|light| 50.0 + 0.7 * light);
+    let mut frame = haze.clone();
+    frame.slice_mut(s![42..56, 42..56]).mapv_inplace(|count| count + 500.0);
+    bench.image("white.exr", &white);
+    bench.image("frame.exr", &frame);
+
+    let call = "background frame.exr --haze white.exr -c camera.json";
+    let said = bench.done(&format!("{call} -v -o haze.exr")).stderr;
+    assert!(said.contains("haze: 0.700 of the white image on 50.0 counts"), "{said}");
+    let found = image::open(&bench.path("haze.exr")).unwrap().pixels;
+    let off = (found - &haze).mapv(f32::abs).fold(0f32, |most, off| most.max(*off));
+    assert!(off < 0.5, "{off}");
+
+    // Without the light of the particles nothing but haze is left.
+    bench.image("light.exr", &(&frame - &haze));
+    bench.done(&format!("{call} --expected light.exr -o without.exr"));
+    let found = image::open(&bench.path("without.exr")).unwrap().pixels;
+    let off = (found - &haze).mapv(f32::abs).fold(0f32, |most, off| most.max(*off));
+    assert!(off < 0.01, "{off}");
+    bench.image("small.exr", &Array2::ones((8, 16)));
+    bench.refused(
+        &call.replace("white", "small"),
+        &["small.exr: image of 16 x 8 px; wanted 112 x 98 px like the first"],
+    );
+    bench.refused(&format!("{call} --reach 0"), &["--reach: 0; wanted 0.5 to 1000 lenslets"]);
+    bench.refused("background frame.exr --haze white.exr", &["--camera"]);
+}

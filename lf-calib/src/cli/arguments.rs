@@ -80,7 +80,7 @@ pub enum Task {
   lf-synth scene demo | lf-synth dark -o dark.exr; lf-synth scene demo | lf-synth frames -o demo
   lf-calib noise white-1.exr white-2.exr --dark dark.exr -c demo/camera.json -v")]
     Noise(NoiseArguments),
-    /// Per-pixel minimum, a low quantile or the mean of many frames, or a minimum about each frame
+    /// Per-pixel minimum, a low quantile or the mean of many frames, a minimum about each frame, or haze
     ///
     /// Every page of a TIFF is a frame. Frames are read one at a time. Memory holds this frame, files that come through
     /// a pipe, and one image for the minimum (whatever the number of frames) or Q (N - 1) + 2 images for the quantile Q
@@ -89,7 +89,7 @@ pub enum Task {
     #[command(after_help = "Examples, in out/ after scripts/demo:
   lf-calib background scene/frame-*.exr -o background.exr
   mkdir -p sliding && lf-calib background scene/frame-*.exr --sliding 31 -o sliding
-  lf-calib background scene/frame-*.exr white.exr --quantile 0.5 -o median.exr")]
+  lf-calib background scene/frame-0000.exr --haze white.exr -c camera.json -o haze.exr")]
     Background(BackgroundArguments),
     /// Correct raw frames: sensitivity of the pixels, hot pixels, lasers of different light
     ///
@@ -308,6 +308,17 @@ pub struct BackgroundArguments {
     /// frame must be readable: its neighbours need it
     #[arg(long, value_name = "N", conflicts_with_all = ["quantile", "mean", "camera"], value_parser = odd)]
     pub sliding: Option<usize>,
+    /// Keep only the haze: the light that follows this white image and is smooth from lenslet to lenslet. One frame
+    /// with particles will do
+    #[arg(long, value_name = "WHITE", requires = "camera", conflicts_with = "sliding")]
+    pub haze: Option<PathBuf>,
+    /// With --haze: it is smooth over this many lenslets
+    #[arg(long, value_name = "LENSLETS", default_value_t = 3.0, requires = "haze")]
+    pub reach: f64,
+    /// With --haze: take this light of particles away first, as lf-fit --expected writes it. The second haze of a frame
+    /// is better than the first
+    #[arg(long, value_name = "FILE", requires = "haze")]
+    pub expected: Option<PathBuf>,
     /// Leave out, with a warning, frames that cannot be read or do not have the size of this camera's sensor. Without
     /// it they are an error
     #[arg(short, long, value_name = "FILE")]

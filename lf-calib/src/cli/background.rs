@@ -2,7 +2,7 @@
 
 use super::arguments::BackgroundArguments;
 use super::files::{Sizes, named_in};
-use lf_calib::{Background, MeanImage, SlidingMinimum};
+use lf_calib::{Background, MeanImage, SlidingMinimum, haze};
 use lf_core::image::{self, Channel, Image, Stack};
 use lf_core::{Camera, Error, History, Refusal, Result, Session, Verdict, camera::Sensor, io};
 use ndarray::Array2;
@@ -13,17 +13,19 @@ use std::path::{Path, PathBuf};
 const READ_BYTES: f64 = 12.0;
 
 pub fn background(arguments: &BackgroundArguments, session: &mut Session) -> Result<Verdict> {
-    let BackgroundArguments { frames, quantile, mean, sliding, camera, reading, output, memory } = arguments;
+    let BackgroundArguments { frames, quantile, mean, sliding, haze, camera, reading, output, memory, .. } = arguments;
     if !(0.0..=0.5).contains(quantile) {
         return Err(Error::new("--quantile", quantile.to_string(), "wanted 0 to 0.5"));
     }
-    let inputs: Vec<&Path> = frames.iter().chain(camera).map(PathBuf::as_path).collect();
+    let inputs: Vec<&Path> =
+        frames.iter().chain(haze).chain(&arguments.expected).chain(camera).map(PathBuf::as_path).collect();
     session.keep_apart(output, &inputs)?;
     if let Some(window) = sliding {
         return sliding_minimum(arguments, *window, session);
     }
     io::check_place(output)?;
-    let sensor = camera.as_deref().map(Camera::open).transpose()?.map(|camera| camera.sensor);
+    let camera = camera.as_deref().map(Camera::open).transpose()?;
+    let sensor = camera.as_ref().map(|camera| camera.sensor.clone());
     let mut frames = FrameFiles::open(frames, sensor, reading.channel)?;
     let count = frames.count;
     let statistic = match (mean, *quantile > 0.0) {
@@ -35,12 +37,17 @@ pub fn background(arguments: &BackgroundArguments, session: &mut Session) -> Res
     let pixels = frames.pixels();
     let bytes = if *mean { 2.0 * READ_BYTES * pixels } else { Background::bytes(count, *quantile, pixels) };
     let what = || format!("the {statistic} of {count} frames of {pixels} pixels");
-    session.allow_memory(*memory, bytes + READ_BYTES * pixels, "background", what)?;
+    let more = READ_BYTES * pixels * if haze.is_some() { 2.0 } else { 1.0 };
+    session.allow_memory(*memory, bytes + more, "background", what)?;
     let (mut sum, mut lowest) = (MeanImage::default(), Background::new(count, *quantile));
     let (used, history) = frames.each(session, |frame| if *mean { sum.add(frame) } else { lowest.add(frame) })?;
     let Some(pixels) = (if *mean { sum.mean() } else { lowest.finish() }) else {
         let none = || Error::new(format!("the {count} frames"), "none was read", "wanted at least one");
         return Err(frames.left_out.pop().unwrap_or_else(none));
+    };
+    let pixels = match (haze, &camera) {
+        (Some(white), Some(camera)) => haze_of(pixels, white, camera, arguments, session)?,
+        _ => pixels,
     };
     session.count("frames", used);
     session.count("left_out", frames.left_out.len());
@@ -50,6 +57,42 @@ pub fn background(arguments: &BackgroundArguments, session: &mut Session) -> Res
         session.warn(format!("left out: {error}"));
     }
     Ok(Verdict::Done)
+}
+
+/// The haze in an image.
+fn haze_of(
+    mut pixels: Array2<f32>,
+    white: &Path,
+    camera: &Camera,
+    arguments: &BackgroundArguments,
+    session: &mut Session,
+) -> Result<Array2<f32>> {
+    let reach = arguments.reach;
+    if !(0.5..=1000.0).contains(&reach) {
+        return Err(Error::new("--reach", reach.to_string(), "wanted 0.5 to 1000 lenslets"));
+    }
+    let image = session.phase("read", |_| image::open_counts(white, arguments.reading.channel))?;
+    if let Some(file) = &arguments.expected {
+        let light = image::open(file)?.pixels;
+        let (height, width) = light.dim();
+        camera.check_image(&io::name(file), width, height)?;
+        pixels -= &light;
+    }
+    let found = session.phase("haze", |_| {
+        haze(&pixels, &image.pixels, camera.pitch_px(), reach).map_err(|refusal| refusal.about(io::name(white)))
+    })?;
+    let sum = |image: &Array2<f32>| image.iter().filter(|v| v.is_finite()).map(|v| f64::from(*v)).sum::<f64>();
+    let light = sum(&found.pixels) / sum(&pixels);
+    session.explain(format!(
+        "haze: {:.3} of the white image on {:.1} counts, {:.0} % of the light; {} rounds",
+        found.share,
+        found.offset,
+        100.0 * light,
+        found.rounds
+    ));
+    session.count("haze_share", found.share);
+    session.count("offset_counts", found.offset);
+    Ok(found.pixels)
 }
 
 /// Writes a background for every frame. A frame that cannot be read ends the work: its neighbours need it.

@@ -6,6 +6,8 @@ use serde::Serialize;
 
 /// chi2 of held-out pixels up to which the model explains them.
 const MOST_CHI2: f64 = 1.3;
+/// chi2 of held-out pixels below which the noise is stated too large.
+const LEAST_CHI2: f64 = 0.77;
 /// Factor on the stated uncertainties up to which they are right.
 const MOST_FACTOR: f64 = 1.25;
 /// Share of particles without a partner up to which the two fits found the same ones.
@@ -42,6 +44,12 @@ fn verdict(agreement: Option<&Agreement>, factor: Option<f64>, held_out: Option<
         return format!(
             "the model does not explain the image: chi2 of held-out pixels is {chi2:.2}, up to {MOST_CHI2} is good; check \
              the camera (lf-calib lattice, refine), its blur, the background and the noise of the sensor"
+        );
+    }
+    if let Some(chi2) = held_out.map(|held_out| held_out.chi2).filter(|chi2| *chi2 < LEAST_CHI2) {
+        return format!(
+            "the noise is stated too large: chi2 of held-out pixels is {chi2:.2}, from {LEAST_CHI2} is good; measure it \
+             (lf-calib noise)"
         );
     }
     let Some(agreement) = agreement else { return "good: the fit predicts the pixels that it did not see".into() };
@@ -97,6 +105,7 @@ mod tests {
             (Some(lists(0.04, 30)), of(1.0), "good: the two fits agree"),
             (None, of(1.1), "good: the fit predicts"),
             (Some(lists(0.04, 30)), of(2.0), "the model does not explain the image"),
+            (None, of(0.5), "the noise is stated too large: chi2 of held-out pixels is 0.50"),
             (Some(lists(0.2, 30)), of(1.0), "the stated uncertainties are too small by a factor of 3.9"),
             (Some(lists(0.04, 22)), None, "the two fits find different particles: 27 %"),
             (Some(lists(0.04, 9)), None, "too few particles: 9 pairs"),
