@@ -33,11 +33,11 @@ mod solve;
 mod stages;
 
 pub use cameras::input::CameraInput;
+pub use cameras::lens::Correction;
 pub use cameras::noise::{KnownNoise, Noise};
 pub use cameras::residual::{RANDOM, Residual};
 pub use cameras::shape::{Free, Shape};
 pub use cameras::view::CameraView;
 pub use memory::estimated_bytes;
 pub use particle::{FoundParticle, Particle};
-pub use shared::cause::Cause;
 pub use stages::{Changes, Doubts, EXPLAINED, Fit, FitOptions, Progress, fit};

@@ -30,7 +30,7 @@ const NEIGHBOURS: usize = 40;
 const BLOCK: usize = 4 + 4 * UNKNOWNS * UNKNOWNS;
 /// Bytes of a pixel of the sample from which the shape is found, beside those of a window: derivatives before and
 /// after a step.
-const SAMPLE_PIXEL: usize = 24;
+const SAMPLE_PIXEL: usize = 64;
 /// Heap bytes per live byte of particle images; allocations of many sizes fragment it. From runs with 0.1 to 1
 /// particles a lenslet.
 const HEAP: f64 = 2.4;
@@ -57,7 +57,7 @@ pub fn estimated_bytes(inputs: &[CameraInput], options: &FitOptions) -> Result<u
         let large = large.map_err(|refusal| (n, refusal))?;
         let alone = ImageSize::new(&large, grid);
         let in_tile = particles.plan().members.iter().map(Vec::len).max().unwrap_or(0);
-        let sample = sample_bytes(&particles, &large, alone);
+        let sample = sample_bytes(&particles, &large, alone, options.free.camera);
         let work = work_bytes(&particles, alone, in_tile).max(sample);
         most = most.max(held_bytes(&particles, particles.list.len()) + work);
 
@@ -107,10 +107,10 @@ fn work_bytes(particles: &Particles, image: ImageSize, in_tile: usize) -> usize 
 }
 
 /// Bytes of the fit of the shape.
-fn sample_bytes(particles: &Particles, model: &ParticleModel, image: ImageSize) -> usize {
+fn sample_bytes(particles: &Particles, model: &ParticleModel, image: ImageSize, is_wide: bool) -> usize {
     let Particles { cameras, list, reach_px, .. } = particles;
     let size = cameras.first().size();
-    let side = sample_side(size, list.len(), *reach_px);
+    let side = sample_side(size, list.len(), *reach_px, is_wide);
     let window: usize = size.map(|size| (side + 2 * reach_px).min(size)).into_iter().product();
     let sees = |place_mm: [f64; 3]| {
         let (place, reach) = (model.chief_px(place_mm), model.reach_px(place_mm[2]));

@@ -5,10 +5,11 @@
 //! sideways for the other: matched particles begin where both agree.
 
 use crate::cameras::input::CameraInput;
+use crate::cameras::lens::LENSES;
 use crate::cameras::matching;
 use crate::cameras::noise::{KnownNoise, Noise};
 use crate::cameras::residual::Residual;
-use crate::cameras::shape::{Free, Shape};
+use crate::cameras::shape::{Free, SHAPES, Shape};
 use crate::cameras::view::{BEYOND_PX, CameraView, Cameras, depths_mm};
 use crate::model::buffers::FitBuffers;
 use crate::model::window::Window;
@@ -19,7 +20,6 @@ use crate::search::particles::{Members, Particles};
 use crate::search::tile_fit::{Changed, TileFit};
 use crate::search::tiles::Tile;
 use crate::shared::align::align;
-use crate::shared::cause::Cause;
 use crate::shared::shape_fit::Sample;
 use crate::solve::covariance::Prior;
 use crate::solve::joint::StopRule;
@@ -95,8 +95,6 @@ pub struct Doubts {
     pub misfit_sharp: Option<f64>,
     /// Whether particles were no longer added because the misfit did not fall.
     pub is_stopped: bool,
-    /// The parameter of the camera that may be wrong, if noise does not explain the image.
-    pub cause: Option<Cause>,
 }
 
 /// The largest misfit that noise explains. Right models of real optics leave 0.95 to 1.06 under the noise of a sensor,
@@ -136,8 +134,9 @@ const TOGETHER: Schedule = Schedule {
     scans: false,
 };
 
-/// Name of the step that fits the shape.
+/// Name of the step that fits the shape, and of one that corrects the camera too.
 const SHAPE_STEP: &str = "size and drift";
+const CAMERA_STEP: &str = "camera";
 /// Rounds of expectation maximisation in a pass, and the light of the faintest particle that is kept, as a share of the
 /// light above which half of all light is.
 const LIGHT_ROUNDS: usize = 15;
@@ -182,7 +181,8 @@ pub fn fit<'a>(
         return Ok(alone.remove(0));
     }
     let particles = start_together(alone)?;
-    let held = FitOptions { free: Free { size: false, drift: false, blur: false, ..options.free }, ..*options };
+    let held =
+        FitOptions { free: Free { size: false, drift: false, blur: false, camera: false, ..options.free }, ..*options };
     Stages::new(particles, None, &held, &TOGETHER, &mut on_step).run().map_err(|refusal| (0, refusal))
 }
 
@@ -249,6 +249,7 @@ struct Stages<'a, 'o> {
     /// The number of the camera that is fitted alone.
     camera: Option<usize>,
     options: &'o FitOptions,
+    free: Free,
     schedule: &'static Schedule,
     on_step: &'o mut dyn FnMut(&Progress),
     prior: Prior,
@@ -274,6 +275,7 @@ impl<'a, 'o> Stages<'a, 'o> {
             particles,
             camera,
             options,
+            free: options.free,
             schedule,
             on_step,
             prior,
@@ -286,7 +288,14 @@ impl<'a, 'o> Stages<'a, 'o> {
     /// The stages in their order.
     fn run(mut self) -> Result<Fit<'a>, Refusal> {
         let Schedule { round: name, least_rounds, .. } = *self.schedule;
-        self.first_fits()?;
+        let maxima = self.particles.list.clone();
+        self.first_fits(&maxima)?;
+        if self.correct_camera()? {
+            // Particles found with the wrong camera may be wrong.
+            self.begin_anew(&maxima)?;
+            self.first_fits(&maxima)?;
+            self.correct_camera()?;
+        }
         self.particles.wake_where(|_| true);
         let (mut misfit, mut alike) = (f64::INFINITY, f64::INFINITY);
         for round in 0..self.options.rounds {
@@ -319,8 +328,7 @@ impl<'a, 'o> Stages<'a, 'o> {
     }
 
     /// Shares the light out, and fits all particles, the noise and the shape.
-    fn first_fits(&mut self) -> Result<(), Refusal> {
-        let maxima = self.particles.list.clone();
+    fn first_fits(&mut self, maxima: &[Particle]) -> Result<(), Refusal> {
         self.share_light();
         align(&mut self.particles, self.prior, false);
         let mut is_open = false;
@@ -328,7 +336,7 @@ impl<'a, 'o> Stages<'a, 'o> {
             self.fit(what, FIRST_STEPS);
             self.find_noise();
             if n == 0 {
-                is_open = self.try_blur(&maxima, FEWER)?;
+                is_open = self.try_blur(maxima, FEWER)?;
             }
             let is_settled = self.fit_shape()?;
             self.align();
@@ -338,7 +346,7 @@ impl<'a, 'o> Stages<'a, 'o> {
         }
         if is_open {
             self.fit("fit", FIRST_STEPS);
-            self.try_blur(&maxima, f64::INFINITY)?;
+            self.try_blur(maxima, f64::INFINITY)?;
             self.fit_shape()?;
             self.fit("fit", FIRST_STEPS);
             self.find_noise();
@@ -407,19 +415,66 @@ impl<'a, 'o> Stages<'a, 'o> {
     fn fit_shape(&mut self) -> Result<bool, Refusal> {
         let Particles { cameras, list, reach_px, .. } = &self.particles;
         let shape = cameras.first().shape;
-        if !self.options.free.shapes(&shape).contains(&true) {
+        if !self.free.shapes(&shape).contains(&true) {
             return Ok(true);
         }
-        let Some(sample) = Sample::new(cameras, list, *reach_px, self.options.free)? else { return Ok(true) };
+        let Some(sample) = Sample::new(cameras, list, *reach_px, self.free)? else { return Ok(true) };
         let found = sample.fit()?;
         if found.shape.is_beyond(&cameras.first().shape, found.std_px) {
             self.particles.is_whole.fill(false);
             self.is_stale = true;
         }
-        self.particles.cameras.views[0].set_shape(found.shape, found.std_px)?;
-        self.particles.render();
-        self.report(SHAPE_STEP, Changes::default());
+        self.set_shape(found.shape, found.std_px)?;
+        let is_camera = self.free.lens.contains(&true);
+        self.report(if is_camera { CAMERA_STEP } else { SHAPE_STEP }, Changes::default());
         Ok(found.is_settled)
+    }
+
+    fn set_shape(&mut self, shape: Shape, std_px: [f64; SHAPES]) -> Result<(), Refusal> {
+        self.particles.cameras.views[0].set_shape(shape, std_px)?;
+        self.particles.render();
+        Ok(())
+    }
+
+    /// How much larger variances are than those of noise alone; 1 if noise explains the image.
+    fn excess(&self) -> f64 {
+        let cameras = &self.particles.cameras;
+        let misfit = cameras.misfit();
+        cameras.residual().excess() * if misfit > EXPLAINED { misfit } else { 1.0 }
+    }
+
+    /// Fits parameters of a camera that does not explain its image, one after another, the likeliest first. Returns
+    /// whether any was fitted.
+    fn correct_camera(&mut self) -> Result<bool, Refusal> {
+        let given = self.free.lens;
+        while self.free.camera && self.is_alone() {
+            let all = Free { lens: [true; LENSES], ..self.free };
+            let Particles { cameras, list, reach_px, .. } = &self.particles;
+            let Some(sample) = Sample::new(cameras, list, *reach_px, all)? else { break };
+            let Some(likely) = sample.cause()?.filter(|k| !self.free.lens[*k]) else { break };
+            let (before, free) = (self.particles.clone(), self.free);
+            self.free.lens[likely] = true;
+            self.fit_shape()?;
+            self.fit("fit", FIRST_STEPS);
+            let squares = |particles: &Particles| particles.cameras.first().sum_of_squares();
+            if squares(&self.particles) + GAIN > squares(&before) {
+                (self.particles, self.free) = (before, free);
+                break;
+            }
+            self.find_noise();
+        }
+        Ok(self.free.lens != given)
+    }
+
+    /// Begins again at the maxima, with the camera as it is corrected.
+    fn begin_anew(&mut self, maxima: &[Particle]) -> Result<(), Refusal> {
+        let CameraView { camera, image, depth_mm, noise, shape, .. } = *self.particles.cameras.first();
+        let shape = Shape { lens_px: shape.lens_px, drift_px: shape.drift_px, ..self.options.shape.first(camera) };
+        let view = CameraView::new(camera, image, shape, depth_mm, noise)?;
+        self.particles = Particles::new(Cameras { views: vec![view] }, maxima.to_vec())?;
+        self.candidates.clear();
+        self.doubts = Doubts::default();
+        Ok(())
     }
 
     /// Fits light and pose of further cameras.
@@ -534,13 +589,10 @@ impl<'a, 'o> Stages<'a, 'o> {
         self.particles.wake_where(|_| true);
         let (misfit, residual) = (self.particles.cameras.misfit(), self.particles.cameras.residual());
         let mut particles = self.particles.uncertainties(self.prior);
-        let excess = residual.excess() * if misfit > EXPLAINED { misfit } else { 1.0 };
+        let excess = self.excess();
         if excess > 1.0 {
             // Errors of the model are errors of the places too.
             particles.iter_mut().for_each(|particle| particle.widen(excess));
-            let Particles { cameras, list, reach_px, .. } = &self.particles;
-            let sample = Sample::new(cameras, list, *reach_px, self.options.free)?;
-            self.doubts.cause = sample.map(|sample| sample.cause(residual.beside)).transpose()?.flatten();
         }
         Ok(Fit { particles, cameras: self.particles.cameras.views, misfit, residual, excess, doubts: self.doubts })
     }

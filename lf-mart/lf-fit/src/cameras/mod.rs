@@ -3,6 +3,7 @@
 //! First file to open: `view.rs`.
 
 pub mod input;
+pub mod lens;
 pub mod matching;
 pub mod noise;
 pub mod residual;

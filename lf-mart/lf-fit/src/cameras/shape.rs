@@ -1,15 +1,18 @@
-//! The unknowns that all particles share in one camera: their size, the drift of the camera's lattice, and the blur of
-//! its sensor.
+//! The unknowns that all particles share in one camera: their size, the drift of the camera's lattice, the blur of its
+//! sensor, and corrections of its parameters.
 //!
 //! Another such unknown needs a field here with its lines in `values`, `moved`, `scales` and `model`, its flag in
-//! [`Free`], and its derivative among [`lf_core::particle_image::QUANTITIES`].
+//! [`Free`], and its derivative among [`lf_core::particle_image::QUANTITIES`]. A parameter of the camera needs only an
+//! entry in `lens.rs`.
 
+use super::lens::{Correction, LENSES, corrections, stepped};
 use lf_core::camera::Blur;
 use lf_core::particle_image::ParticleModel;
 use lf_core::{Camera, Refusal};
 
-/// Number of unknowns in a shape.
-pub(crate) const SHAPES: usize = 4;
+/// Number of unknowns in a shape, the parameters of the camera last, and of those before.
+pub(crate) const SHAPES: usize = ANALYTIC + LENSES;
+pub(crate) const ANALYTIC: usize = 4;
 /// Smallest and largest size, pixels.
 const SIZES_PX: [f64; 2] = [0.15, 5.0];
 /// Smallest and largest blur, pixels. A smaller one cannot be seen, and has no slope to grow by.
@@ -26,6 +29,8 @@ pub struct Shape {
     pub drift_px: [f64; 2],
     /// Standard deviation of the blur's Gaussian, pixels of the sensor; None for a sharp camera.
     pub blur_px: Option<f64>,
+    /// Corrections of the camera's parameters, pixels by which they move light at most.
+    pub lens_px: [f64; LENSES],
 }
 
 /// The shared unknowns that are fitted.
@@ -37,6 +42,10 @@ pub struct Free {
     pub drift: bool,
     /// The blur, of a camera that has one or whose image shows one.
     pub blur: bool,
+    /// Parameters of a camera that does not explain its image.
+    pub camera: bool,
+    /// The parameters of the camera that are fitted now.
+    pub lens: [bool; LENSES],
     /// The poses of further cameras.
     pub pose: bool,
 }
@@ -44,7 +53,8 @@ pub struct Free {
 impl Free {
     /// Whether each unknown of a shape is fitted.
     pub(crate) fn shapes(&self, shape: &Shape) -> [bool; SHAPES] {
-        [self.size, self.drift, self.drift, self.blur && shape.blur_px.is_some()]
+        let own = [self.size, self.drift, self.drift, self.blur && shape.blur_px.is_some()];
+        std::array::from_fn(|k| if k < ANALYTIC { own[k] } else { self.lens[k - ANALYTIC] })
     }
 }
 
@@ -72,9 +82,15 @@ impl Shape {
         size.into_iter().chain(blur).collect()
     }
 
-    /// The camera with its lattice and its blur as they are found.
+    /// The parameters of the camera that were corrected; `std_px` are the standard uncertainties of the shape.
+    pub fn corrections(&self, camera: &Camera, std_px: [f64; SHAPES]) -> Vec<Correction> {
+        corrections(camera, self.lens_px, &std_px[ANALYTIC..])
+    }
+
+    /// The camera with its lattice, its blur and its parameters as they are found.
     pub fn camera(&self, camera: &Camera) -> Camera {
         let mut moved = camera.clone();
+        stepped(&mut moved, self.lens_px);
         for (axis, offset) in moved.microlenses.offset_mm.iter_mut().enumerate() {
             *offset += self.drift_px[axis] * camera.sensor.pixel_pitch_mm;
         }
@@ -85,7 +101,8 @@ impl Shape {
     }
 
     fn values(&self) -> [f64; SHAPES] {
-        [self.sigma_px, self.drift_px[0], self.drift_px[1], self.blur_px.unwrap_or(0.0)]
+        let own = [self.sigma_px, self.drift_px[0], self.drift_px[1], self.blur_px.unwrap_or(0.0)];
+        std::array::from_fn(|k| if k < ANALYTIC { own[k] } else { self.lens_px[k - ANALYTIC] })
     }
 
     /// Whether an unknown differs from that of another shape by more than its standard uncertainty.
@@ -99,19 +116,21 @@ impl Shape {
         let is_beyond =
             |value: f64, step: f64, [low, high]: [f64; 2]| step != 0.0 && !(low..=high).contains(&(value + step));
         let blur = self.blur_px.is_some_and(|px| is_beyond(px, step[3], BLURS_PX));
-        [is_beyond(self.sigma_px, step[0], SIZES_PX), false, false, blur]
+        let size = is_beyond(self.sigma_px, step[0], SIZES_PX);
+        std::array::from_fn(|k| (k == 0 && size) || (k == 3 && blur))
     }
 
     /// The shape after a step.
     pub(crate) fn moved(&self, step: [f64; SHAPES]) -> Self {
-        let [size, x, y, blur] = step;
+        let [size, x, y, blur, ..] = step;
         let sigma_px = (self.sigma_px + size).clamp(SIZES_PX[0], SIZES_PX[1]);
         let blur_px = self.blur_px.map(|px| (px + blur).clamp(BLURS_PX[0], BLURS_PX[1]));
-        Self { sigma_px, drift_px: [self.drift_px[0] + x, self.drift_px[1] + y], blur_px }
+        let lens_px = std::array::from_fn(|k| self.lens_px[k] + step[ANALYTIC + k]);
+        Self { sigma_px, drift_px: [self.drift_px[0] + x, self.drift_px[1] + y], blur_px, lens_px }
     }
 
     /// A step of one pixel in the units of the model's derivatives: mm, and for the blur pixels of its middle.
-    pub(crate) fn scales(&self, camera: &Camera) -> [f64; SHAPES] {
+    pub(crate) fn scales(&self, camera: &Camera) -> [f64; ANALYTIC] {
         let pitch_mm = camera.sensor.pixel_pitch_mm;
         let core_px = self.camera(camera).blur_core_px();
         let by_core = self.blur_px.map_or(0.0, |px| px / core_px);

@@ -46,12 +46,13 @@ pub struct Arguments {
     #[arg(long, value_name = "PX", default_value_t = 0.65, help_heading = FIT)]
     pub size: f64,
     /// Keep as given instead of fitting: the size of particles, the drift of the lattice, the blur of a camera that has
-    /// one, or the poses of further cameras
+    /// one, the f-number, pitch and rotation of a camera that does not explain its image, or the poses of further
+    /// cameras
     #[arg(
         long,
         value_enum,
         value_delimiter = ',',
-        value_name = "size,drift,blur,pose",
+        value_name = "size,drift,blur,camera,pose",
         hide_possible_values = true,
         help_heading = FIT
     )]
@@ -74,7 +75,7 @@ pub struct Arguments {
     /// Volume (.lfv) on the same grid with a Gaussian for each particle, - for standard output
     #[arg(short, long, value_name = "FILE", help_heading = OUTPUT)]
     pub output: Option<PathBuf>,
-    /// Camera (camera.json) with the lattice, and the pose of a further camera, as found; none, or one for each camera
+    /// Camera (camera.json) with what was found of it, and the pose of a further camera; none, or one for each camera
     #[arg(long, value_name = "FILE", help_heading = OUTPUT)]
     pub camera_out: Vec<PathBuf>,
     /// Image (EXR) as the fit explains it, without background and flat field; none, or one for each camera. Blind
@@ -99,6 +100,8 @@ pub enum Hold {
     Drift,
     /// The blur of the sensor
     Blur,
+    /// Parameters of a camera that does not explain its image
+    Camera,
     /// The poses of further cameras
     Pose,
 }
@@ -140,11 +143,13 @@ impl Arguments {
         }
         let is_free = |part: Hold| !self.hold.contains(&part);
         Ok(FitOptions {
-            shape: Shape { sigma_px: self.size, drift_px: [0.0; 2], blur_px: None },
+            shape: Shape { sigma_px: self.size, drift_px: [0.0; 2], blur_px: None, lens_px: Default::default() },
             free: Free {
                 size: is_free(Hold::Size),
                 drift: is_free(Hold::Drift),
                 blur: is_free(Hold::Blur),
+                camera: is_free(Hold::Camera),
+                lens: Default::default(),
                 pose: is_free(Hold::Pose),
             },
             noise: KnownNoise { gain: self.gain, read_variance: self.read_noise.map(|sigma| sigma * sigma) },

@@ -7,8 +7,8 @@ use lf_core::camera::Pose;
 use lf_core::particles::{self, Uncertainty};
 use lf_core::{Camera, Error, Result, Session, Verdict, cli, image, io, volume};
 use lf_fit::{
-    self as fit, CameraInput, CameraView, Cause, Changes, Doubts, EXPLAINED, Fit, FitOptions, FoundParticle, Particle,
-    Progress, RANDOM,
+    self as fit, CameraInput, CameraView, Changes, Correction, Doubts, EXPLAINED, Fit, FitOptions, FoundParticle,
+    Particle, Progress, RANDOM,
 };
 use serde_json::{Value, json};
 use std::path::Path;
@@ -119,20 +119,23 @@ fn words(step: &Progress, seconds: f64) -> (String, Value) {
 /// Shape and noise of a camera, under the names of the statistics. JSON has no infinity: null says that nothing is
 /// known.
 fn statistics(view: &CameraView) -> Value {
-    let [size_std, x_std, y_std, blur_std] = view.shape_std_px;
+    let [size_std, x_std, y_std, blur_std, ..] = view.shape_std_px;
     let mut found = json!({"size_px": view.shape.sigma_px, "drift_px": view.shape.drift_px, "size_std_px": size_std,
         "drift_std_px": [x_std, y_std], "gain_counts": view.noise.gain,
         "read_noise_counts": view.noise.read_variance.sqrt()});
     if let Some(blur_px) = view.shape.blur_px {
         (found["blur_px"], found["blur_std_px"]) = (json!(blur_px), json!(blur_std));
     }
+    let corrections = view.shape.corrections(view.camera, view.shape_std_px);
+    corrections.iter().for_each(|Correction { key, step, std, .. }| found[key] = json!([step, std]));
     found
 }
 
 /// Warns of a model that does not explain the image.
 fn warn_of_model(found: &Fit, session: &mut Session) {
-    let Fit { misfit, residual, excess, doubts: Doubts { misfit_sharp, is_stopped, cause }, .. } = *found;
-    let shape = found.cameras[0].shape;
+    let Fit { misfit, residual, excess, doubts: Doubts { misfit_sharp, is_stopped }, .. } = *found;
+    let CameraView { shape, camera, shape_std_px, .. } = found.cameras[0];
+    let corrected = shape.corrections(camera, shape_std_px);
     if let (Some(before), Some(sigma_px)) = (misfit_sharp, shape.blur_px) {
         session.warn(format!(
             "the image is blurred and camera.json does not say so: chi2 was {before:.2}; fitted with diffraction of green light \
@@ -147,6 +150,21 @@ fn warn_of_model(found: &Fit, session: &mut Session) {
              background is wrong, or these are not particles"
         ));
     });
+    if !corrected.is_empty() {
+        let each = corrected.iter().map(|Correction { name, unit, step, std, .. }| {
+            format!(
+                "the {name} is {:.3} +- {std:.3} {unit} too {}",
+                step.abs(),
+                if *step > 0.0 { "small" } else { "large" }
+            )
+        });
+        let each: Vec<String> = each.collect();
+        session.warn(format!(
+            "the camera does not explain the image: {}; the fit corrects it; write the camera with --camera-out, and begin \
+             again with it; --hold camera keeps what is given",
+            each.join(", ")
+        ));
+    }
     if excess > 1.0 {
         let how_far = match misfit > EXPLAINED {
             true => format!("chi2 is {misfit:.2}, up to {EXPLAINED} is good"),
@@ -156,16 +174,8 @@ fn warn_of_model(found: &Fit, session: &mut Session) {
             ),
         };
         let stopped = if is_stopped { "; more particles did not help, so none were added" } else { "" };
-        let cause = cause.map_or_else(String::new, |Cause { name, unit, step, share }| {
-            let most = 100.0 * share;
-            format!(
-                "; a likely cause: the {name} is about {:.2} {unit} too {}, which explains {most:.0} % of the excess",
-                step.abs(),
-                if step > 0.0 { "small" } else { "large" }
-            )
-        });
         session.warn(format!(
-            "noise does not explain the image: {how_far}{stopped}{cause}; uncertainties are {:.2} times as large for it; check \
+            "noise does not explain the image: {how_far}{stopped}; uncertainties are {:.2} times as large for it; check \
              the camera (lf-calib lattice, refine), its blur and the background",
             excess.sqrt()
         ));

@@ -41,7 +41,7 @@ impl<'a> Members<'a> {
 }
 
 /// The particles and the cameras that see them.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub(crate) struct Particles<'a> {
     pub(crate) cameras: Cameras<'a>,
     pub(crate) list: Vec<Particle>,

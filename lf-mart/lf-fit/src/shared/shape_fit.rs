@@ -1,7 +1,7 @@
 //! Fits the unknowns that all particles share: their size, the drift of the lattice, the blur. The particles that a
 //! part of one camera's sensor sees are fitted along with them.
 
-use crate::cameras::shape::{Free, SHAPES, Shape};
+use crate::cameras::shape::{ANALYTIC, Free, SHAPES, Shape};
 use crate::cameras::view::Cameras;
 use crate::model::buffers::FitBuffers;
 use crate::model::particle_image::{ParticleImage, Quantities, UNKNOWNS};
@@ -27,6 +27,10 @@ const ENOUGH: f64 = 0.2;
 /// Number of particles seen by the part of the sensor from which the shape is found, and its smallest side, pixels.
 const SAMPLE: f64 = 200.0;
 const SAMPLE_PX: f64 = 200.0;
+/// The sample is this much larger where parameters of the camera are fitted: some show over the frame only.
+const WIDE: f64 = 3.0;
+/// Half the distance of the shapes whose lights give the slopes by a camera's parameter, pixels.
+const SLOPE_PX: f64 = 0.015;
 /// The shape's fit leaves out pixels where the light of particles near focus exceeds this share of the noise, and those
 /// where the image differs by more than this number of standard deviations: particles may be missing there.
 const STRAY: f32 = 0.5;
@@ -48,15 +52,16 @@ pub(crate) struct FoundShape {
 pub(crate) struct Sample<'a> {
     /// A list of the one camera.
     pub(super) cameras: Cameras<'a>,
-    pub(super) window: Window,
-    pub(super) particles: Vec<Particle>,
+    window: Window,
+    particles: Vec<Particle>,
     free: Free,
 }
 
-/// Side of a square, px, that holds about [`SAMPLE`] of the frame's `particles`.
-pub(crate) fn sample_side(size: [usize; 2], particles: usize, reach_px: usize) -> usize {
+/// Side of a square, px, that holds about [`SAMPLE`] of the frame's `particles`, or more if it is wide.
+pub(crate) fn sample_side(size: [usize; 2], particles: usize, reach_px: usize, is_wide: bool) -> usize {
     let area = (size[0] * size[1]) as f64 / particles.max(1) as f64;
-    ((SAMPLE * area).sqrt() - 2.0 * reach_px as f64).max(SAMPLE_PX) as usize
+    let wanted = SAMPLE * if is_wide { WIDE } else { 1.0 };
+    ((wanted * area).sqrt() - 2.0 * reach_px as f64).max(SAMPLE_PX) as usize
 }
 
 impl<'a> Sample<'a> {
@@ -72,7 +77,7 @@ impl<'a> Sample<'a> {
 
         // Cut out the middle of the sensor, with a margin that its particles may light.
         let size = view.size();
-        let side = sample_side(size, particles.len(), reach_px);
+        let side = sample_side(size, particles.len(), reach_px, free.lens.contains(&true));
         let part = size.map(|whole| [whole.saturating_sub(side) / 2, (whole + side.min(whole)).div_ceil(2)]);
         let low = part.map(|[low, _]| low.saturating_sub(reach_px));
         let high = [0, 1].map(|axis| (part[axis][1] + reach_px).min(size[axis]));
@@ -118,7 +123,7 @@ impl<'a> Sample<'a> {
     /// Fits shape and particles.
     pub(crate) fn fit(mut self) -> Result<FoundShape, Refusal> {
         let mut buffers = FitBuffers::default();
-        let mut state = self.state(&self.cameras, &mut buffers);
+        let mut state = self.state(&self.cameras, &mut buffers)?;
         let mut damping = DAMPING;
         let mut std = [f64::INFINITY; SHAPES];
         let mut is_settled = false;
@@ -135,7 +140,7 @@ impl<'a> Sample<'a> {
             let next_cameras = Cameras { views: vec![view.reshaped(view.shape.moved(step), view.depth_mm)?] };
             let old = self.particles.clone();
             self.particles = old.iter().zip(&moves).map(|(one, step)| next_cameras.moved(one, step)).collect();
-            let next = self.state(&next_cameras, &mut buffers);
+            let next = self.state(&next_cameras, &mut buffers)?;
             let gain = state.deviance - next.deviance;
             is_settled = step.iter().zip(&std).all(|(step, std)| step.abs() <= ENOUGH * std);
 
@@ -155,7 +160,7 @@ impl<'a> Sample<'a> {
     }
 
     /// Renders the particles.
-    fn state(&self, cameras: &Cameras, buffers: &mut FitBuffers) -> State {
+    pub(super) fn state(&self, cameras: &Cameras, buffers: &mut FitBuffers) -> Result<State, Refusal> {
         let mut by_shape = vec![[0f32; SHAPES]; self.window.seen.len()];
         let mut images = Vec::with_capacity(self.particles.len());
         for particles in self.particles.chunks(AT_ONCE) {
@@ -165,13 +170,34 @@ impl<'a> Sample<'a> {
                 .collect();
             for (image, pixels) in rendered {
                 for (n, slopes) in pixels {
-                    (0..SHAPES).for_each(|k| by_shape[n as usize][k] += slopes[k]);
+                    (0..ANALYTIC).for_each(|k| by_shape[n as usize][k] += slopes[k]);
                 }
                 images.push(image);
             }
         }
+        for k in (ANALYTIC..SHAPES).filter(|k| self.free.lens[k - ANALYTIC]) {
+            for sign in [-1.0, 1.0] {
+                let (view, mut step) = (cameras.first(), [0.0; SHAPES]);
+                step[k] = sign * SLOPE_PX;
+                let moved = Cameras { views: vec![view.reshaped(view.shape.moved(step), view.depth_mm)?] };
+                let light = self.light(&moved);
+                let scale = (0.5 * sign / SLOPE_PX) as f32;
+                by_shape.iter_mut().zip(&light).for_each(|(slopes, light)| slopes[k] += scale * light);
+            }
+        }
         let deviance = cameras.deviance(&self.window, images.iter(), buffers);
-        State { images, by_shape, deviance }
+        Ok(State { images, by_shape, deviance })
+    }
+
+    /// The light of the particles in the window.
+    fn light(&self, cameras: &Cameras) -> Vec<f32> {
+        let mut light = vec![0f32; self.window.seen.len()];
+        let render = |scratch: &mut _, particle: &_| ParticleImage::new(cameras, particle, &self.window, scratch);
+        for particles in self.particles.chunks(AT_ONCE) {
+            let images: Vec<ParticleImage> = particles.par_iter().map_init(Scratch::default, render).collect();
+            images.iter().for_each(|image| image.add_to(&mut light, self.window.columns, 1.0));
+        }
+        light
     }
 
     /// The image of a particle, and the derivatives of its counts by the shape, by pixel of the window.
@@ -193,33 +219,9 @@ impl<'a> Sample<'a> {
         (image, slopes)
     }
 
-    /// The step of the shape and those of the particles, from equations of the shape bordered by the particles'.
+    /// The step of the shape and those of the particles.
     fn step(&self, state: &State, damping: f64, buffers: &mut FitBuffers) -> Step {
-        let columns = self.window.columns;
-        buffers.paint(state.images.iter(), columns);
-        self.cameras.weigh(&self.window, buffers);
-        let normal = Normal::new(state.images.iter(), columns, buffers);
-        // Sum up the equations of the shape, and those that mix it with each particle.
-        let mut matrix = [[0f64; SHAPES]; SHAPES];
-        let mut gradient = [0f64; SHAPES];
-        for n in &buffers.touched {
-            let n = *n as usize;
-            let slopes = state.by_shape[n].map(f64::from);
-            for a in 0..SHAPES {
-                gradient[a] += slopes[a] * f64::from(buffers.residual[n]);
-                (0..SHAPES).for_each(|b| matrix[a][b] += f64::from(buffers.weight[n]) * slopes[a] * slopes[b]);
-            }
-        }
-        let mixed: [Vec<[f64; UNKNOWNS]>; SHAPES] =
-            std::array::from_fn(|a| self.mixed(&state.images, |n| state.by_shape[n][a], buffers));
-        // Eliminate the particles.
-        let own = conjugate_gradients(&normal, &normal.gradient, damping, DEEP);
-        // Unfinished solutions make the shape's steps shorter, never longer.
-        let solved: [Vec<[f64; UNKNOWNS]>; SHAPES] =
-            std::array::from_fn(|a| conjugate_gradients(&normal, &mixed[a], damping, DEEP));
-        buffers.wipe();
-        let right = std::array::from_fn(|a| gradient[a] - dot(&mixed[a], &own));
-        let reduced = std::array::from_fn(|a| std::array::from_fn(|b| matrix[a][b] - dot(&mixed[a], &solved[b])));
+        let Equations { right, reduced, own, solved, .. } = self.equations(state, damping, buffers);
         let view = self.cameras.first();
         let (step, std) = shape_step(&view.shape, self.free.shapes(&view.shape), &right, &reduced);
         let moves = (0..own.len())
@@ -228,8 +230,46 @@ impl<'a> Sample<'a> {
         Step { shape: step, moves, std }
     }
 
+    /// Equations of the shape bordered by the particles', from which the particles are eliminated.
+    pub(super) fn equations(&self, state: &State, damping: f64, buffers: &mut FitBuffers) -> Equations {
+        let columns = self.window.columns;
+        buffers.paint(state.images.iter(), columns);
+        self.cameras.weigh(&self.window, buffers);
+        let normal = Normal::new(state.images.iter(), columns, buffers);
+        // Sum up the equations of the shape, and those that mix it with each particle.
+        let mut matrix = [[0f64; SHAPES]; SHAPES];
+        let mut gradient = [0f64; SHAPES];
+        let mut squares = 0.0;
+        for n in &buffers.touched {
+            let n = *n as usize;
+            let (slopes, weight) = (state.by_shape[n].map(f64::from), f64::from(buffers.weight[n]));
+            let weighed = f64::from(buffers.residual[n]);
+            if weight > 0.0 {
+                squares += weighed * weighed / weight;
+            }
+            for a in 0..SHAPES {
+                gradient[a] += slopes[a] * weighed;
+                (0..SHAPES).for_each(|b| matrix[a][b] += weight * slopes[a] * slopes[b]);
+            }
+        }
+        let is_free = self.free.shapes(&self.cameras.first().shape);
+        let mixed: [Vec<[f64; UNKNOWNS]>; SHAPES] =
+            std::array::from_fn(|a| self.mixed(&state.images, |n| state.by_shape[n][a], buffers));
+        // Eliminate the particles.
+        let own = conjugate_gradients(&normal, &normal.gradient, damping, DEEP);
+        // Unfinished solutions make the shape's steps shorter, never longer.
+        let solved: [Vec<[f64; UNKNOWNS]>; SHAPES] = std::array::from_fn(|a| match is_free[a] {
+            true => conjugate_gradients(&normal, &mixed[a], damping, DEEP),
+            false => vec![[0.0; UNKNOWNS]; own.len()],
+        });
+        buffers.wipe();
+        let right = std::array::from_fn(|a| gradient[a] - dot(&mixed[a], &own));
+        let reduced = std::array::from_fn(|a| std::array::from_fn(|b| matrix[a][b] - dot(&mixed[a], &solved[b])));
+        Equations { right, reduced, own, solved, squares }
+    }
+
     /// Products of the slopes of each pixel's counts by a shared unknown with the derivatives of each particle.
-    pub(super) fn mixed(
+    fn mixed(
         &self,
         images: &[ParticleImage],
         slope: impl Fn(usize) -> f32 + Sync,
@@ -285,7 +325,7 @@ fn shape_step(
 }
 
 /// A pixel of the window, and the derivatives of its counts by the shape.
-type Slopes = (u32, [f32; SHAPES]);
+type Slopes = (u32, [f32; ANALYTIC]);
 
 /// A step of the shape, those of the particles, and the standard uncertainties of the shape.
 struct Step {
@@ -294,8 +334,20 @@ struct Step {
     std: [f64; SHAPES],
 }
 
+/// Equations of the shape.
+pub(super) struct Equations {
+    /// Right-hand side, and matrix.
+    pub(super) right: [f64; SHAPES],
+    pub(super) reduced: [[f64; SHAPES]; SHAPES],
+    /// The particles' own steps, and those with a step of each unknown of the shape.
+    own: Vec<[f64; UNKNOWNS]>,
+    solved: [Vec<[f64; UNKNOWNS]>; SHAPES],
+    /// Sum of the squared differences over variances.
+    pub(super) squares: f64,
+}
+
 /// A rendered sample.
-struct State {
+pub(super) struct State {
     images: Vec<ParticleImage>,
     /// Derivatives of each pixel's counts by the shape.
     by_shape: Vec<[f32; SHAPES]>,
