@@ -5,8 +5,8 @@ use lf_core::light::{Follows, LatticeLight, Tones};
 use lf_core::{Camera, Error, Session, camera::Aperture};
 use lf_prune::{PruneOptions, PrunePlan, Support};
 
-/// Share of dark sections above which the user is warned about the stop.
-const DARK_SECTIONS: f64 = 0.05;
+/// Share of closed sections above which the user is warned about the stop.
+const CLOSED_SECTIONS: f64 = 0.05;
 
 /// Share of the voxels that pruning must rule out to be of use.
 const RULED_OUT: f64 = 0.1;
@@ -29,7 +29,7 @@ pub fn warn_of_light(explained: Option<f64>, session: &mut Session) {
 
 /// Describes how the light fills the stop: `31 of 156 sections ...`.
 fn fill(support: &Support, plan: &PrunePlan, camera: &Camera) -> String {
-    let (dark, all) = (support.dark_sections, plan.sections());
+    let (dark, all) = (support.closed_sections, plan.sections());
     let stated = camera.demagnification() * camera.aperture_mm() / camera.sensor.pixel_pitch_mm;
     let lit = stated * (1.0 - f64::from(dark) / f64::from(all)).sqrt();
     let shape = if camera.main_lens.aperture == Aperture::Circle { "disc" } else { "square" };
@@ -39,8 +39,8 @@ fn fill(support: &Support, plan: &PrunePlan, camera: &Camera) -> String {
     )
 }
 
-fn has_dark_sections(support: &Support, plan: &PrunePlan) -> bool {
-    f64::from(support.dark_sections) > DARK_SECTIONS * f64::from(plan.sections())
+fn has_closed_sections(support: &Support, plan: &PrunePlan) -> bool {
+    f64::from(support.closed_sections) > CLOSED_SECTIONS * f64::from(plan.sections())
 }
 
 /// Warns if the stop is not as the camera says, and if pruning rules out next to nothing.
@@ -53,7 +53,7 @@ pub fn warn(
     session: &mut Session,
 ) {
     session.count("dark_sections", support.dark_sections);
-    if has_dark_sections(support, plan) {
+    if has_closed_sections(support, plan) {
         session.warn(format!(
             "{}; they are left out here, but lf-mart's weights need the true stop: measure working_f_number with \
              lf-calib lattice",
@@ -85,7 +85,7 @@ pub fn nothing_left(name: String, frame: &Frame, support: &Support, plan: &Prune
             format!("{found}: the light does not lie under the camera's lenslets"),
             "wanted the camera of this frame, calibrated with lf-calib lattice".to_string(),
         ),
-        Some(_) if has_dark_sections(support, plan) => (
+        Some(_) if has_closed_sections(support, plan) => (
             format!("{found}: {}", fill(support, plan, camera)),
             "wanted a camera with the stop of this frame, or a lower --threshold".to_string(),
         ),
