@@ -2,7 +2,7 @@
 
 use lf_core::image::Frame;
 use lf_core::light::{Follows, LatticeLight, Tones};
-use lf_core::{Camera, Error, Session, camera::Aperture};
+use lf_core::{Camera, Error, Grid, Session, camera::Aperture};
 use lf_prune::{PruneOptions, PrunePlan, Support};
 
 /// Share of closed sections above which the user is warned about the stop.
@@ -11,8 +11,26 @@ const CLOSED_SECTIONS: f64 = 0.05;
 /// Share of the voxels that pruning must rule out to be of use.
 const RULED_OUT: f64 = 0.1;
 
+/// Warn of voxels wider than this many lenslets, or deeper than this many times what the camera resolves.
+const WIDEST: f64 = 0.7;
+const DEEPEST: f64 = 3.0;
+
 /// Warn if the kept voxels explain less than this share of the light.
 const EXPLAINED: f64 = 0.9;
+
+/// Warns of voxels as wide as lenslets, or deeper than the camera resolves.
+pub fn warn_of_voxels(grid: &Grid, camera: &Camera, session: &Session) {
+    let pixel_mm = camera.voxel_spacing_mm([1.0; 3]);
+    let [x, y, z] = [0, 1, 2].map(|axis| grid.spacing_mm[axis] / pixel_mm[axis]);
+    let lenslet_px = camera.microlenses.pitch_mm / camera.sensor.pixel_pitch_mm;
+    let depth_px = camera.depth_resolution_px();
+    if x.max(y) > WIDEST * lenslet_px || z > DEEPEST * depth_px {
+        session.warn(format!(
+            "voxels of {x:.0} x {y:.0} x {z:.0} px, where a lenslet is {lenslet_px:.0} px wide and the camera resolves \
+             {depth_px:.0} px in depth (r): particles blur in them; --pvr names x and y first, such as 1,1,r/2"
+        ));
+    }
+}
 
 /// Warns if light is left that no kept voxel sees.
 pub fn warn_of_light(explained: Option<f64>, session: &mut Session) {
