@@ -164,7 +164,7 @@ pub struct Support {
     pub scores: Vec<f32>,
     /// Sections inside the stop that are dark for every voxel and count for none.
     pub dark_sections: u32,
-    /// Those that the camera's stop does not let light through: enough particles leave them dark.
+    /// Dark sections that the true stop surely closes: enough particles leave them dark.
     pub closed_sections: u32,
 }
 

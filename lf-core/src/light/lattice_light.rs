@@ -20,8 +20,8 @@ const BINS: usize = 32;
 const STOP_PLACES: usize = 96;
 const PIXEL_PLACES: usize = 4;
 
-/// Most blocks a side of the lit part of a frame, lenslets a side of a block at least, and the share of the light beyond
-/// each side of that part. In a smaller block a single particle shows a few places of the stop only.
+/// Blocks a side of the lit part of a frame at most, lenslets a side of a block at least, and the share of the light
+/// beyond each side of that part. In a smaller block a particle shows a few places of the stop only.
 const BLOCKS: usize = 6;
 const BLOCK_LENSLETS: f64 = 3.0;
 const BEYOND: f64 = 0.01;

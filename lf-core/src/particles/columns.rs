@@ -1,6 +1,10 @@
 //! The columns of a table, by the names in its header.
 
-use super::reader::{FITTED_HEADER, HEADER};
+/// The names of the columns, before the first particle.
+pub const HEADER: &str = "frame,id,x_mm,y_mm,z_mm,intensity";
+/// The names of the columns of particles with uncertainties.
+pub const FITTED_HEADER: &str = "frame,id,x_mm,y_mm,z_mm,intensity,sx_mm,sy_mm,sz_mm,s_intensity,\
+                                 cxx_mm2,cxy_mm2,cxz_mm2,cyy_mm2,cyz_mm2,czz_mm2";
 
 /// Units of lengths in the names of columns, and their millimetres.
 const UNITS: [(&str, f64); 3] = [("mm", 1.0), ("um", 1e-3), ("m", 1e3)];
@@ -25,9 +29,9 @@ pub(super) struct Columns {
     /// x, y, z.
     pub places: [Column; 3],
     pub intensity: Option<Column>,
-    /// Standard uncertainties of x, y, z, and of the intensity if it has one. Empty if there are none.
+    /// Standard uncertainties of x, y, z, and of the intensity if it has one. Empty without them.
     pub stds: Vec<Column>,
-    /// The covariance by rows, upper half. Empty if there is none.
+    /// The covariance by rows, upper half. Empty without one.
     pub covariance: Vec<Column>,
 }
 

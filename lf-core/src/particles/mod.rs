@@ -29,7 +29,8 @@
 //! | `cxx_mm2`, `cxy_mm2`, `cxz_mm2`, `cyy_mm2`, `cyz_mm2`, `czz_mm2` | mm² | covariance of the centre |
 //!
 //! The covariance must be positive semidefinite, and `sx_mm` the square root of `cxx_mm2` to 1 %, and so on: the first
-//! three columns are for readers that need no correlations. Without covariances x, y and z do not correlate. Near the focal plane x or y and z correlate by up to 0.99.
+//! three columns are for readers that need no correlations. Near the focal plane x or y and z correlate by up to 0.99.
+//! A table with the first three only says that they do not correlate.
 
 mod columns;
 mod covariance;
@@ -38,7 +39,8 @@ mod particle;
 mod reader;
 mod writer;
 
+pub use columns::{FITTED_HEADER, HEADER};
 pub use draw::{BATCH, REACH_SIGMA, draw};
 pub use particle::{Particle, Uncertainty};
-pub use reader::{FITTED_HEADER, FRAME_LINE, HEADER, frame, history, open, read, warn_unmarked};
+pub use reader::{FRAME_LINE, frame, history, open, read, warn_unmarked};
 pub use writer::write;

@@ -9,11 +9,6 @@ use std::path::Path;
 
 /// The mark of the frame, before the header.
 pub const FRAME_LINE: &str = "# frame: right-handed";
-/// The names of the columns, before the first particle.
-pub const HEADER: &str = "frame,id,x_mm,y_mm,z_mm,intensity";
-/// The names of the columns of particles with uncertainties.
-pub const FITTED_HEADER: &str = "frame,id,x_mm,y_mm,z_mm,intensity,sx_mm,sy_mm,sz_mm,s_intensity,\
-                                 cxx_mm2,cxy_mm2,cxz_mm2,cyy_mm2,cyz_mm2,czz_mm2";
 
 /// The lines before the header, without their `#`.
 fn comments(text: &str) -> impl Iterator<Item = &str> {
@@ -137,6 +132,7 @@ impl TableLine<'_> {
 
 #[cfg(test)]
 mod tests {
+    use super::super::columns::{FITTED_HEADER, HEADER};
     use super::*;
 
     #[test]

@@ -22,8 +22,8 @@ pub struct Tables {
 }
 
 impl Tables {
-    /// Reads the tables of `pairs` pairs of volumes, or of any number of pairs; None if no table is given. Refuses another number of tables, and a
-    /// table of several frames or without particles.
+    /// Reads the tables of `pairs` pairs of volumes, or of any number of pairs; None if no table is given. Refuses
+    /// another number of tables, and a table of several frames or without particles.
     pub fn read(arguments: &Arguments, pairs: Option<usize>, session: &Session) -> Result<Option<Self>> {
         let files = &arguments.particles;
         if files.is_empty() {
