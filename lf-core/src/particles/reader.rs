@@ -147,7 +147,7 @@ mod tests {
         assert_eq!(read(&format!("# frame: left\n{rows}")).unwrap_err().found, "its frame is 'left'");
         let wrong = read(&format!("{marked}0,1\n")).unwrap_err().found;
         assert!(wrong.starts_with("line 5 is not 6 numbers"), "{wrong}");
-        assert_eq!(read("#\nx\n").unwrap_err().found, "line 2 is not the header");
+        assert_eq!(read("#\nx\n").unwrap_err().found, "line 2 is not the header: 'x'");
     }
 
     #[test]
