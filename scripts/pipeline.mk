@@ -111,6 +111,9 @@ SHELL = /bin/sh
 .DELETE_ON_ERROR:
 .SECONDEXPANSION:
 
+spaced := $(shell for file in $(subst %,*,$(FRAME)); do case "$$file" in (*' '*) echo "$$file"; break; esac; done)
+$(if $(spaced),$(error FRAME: '$(spaced)' holds a space; rename such frames))
+
 # The frames that exist, and the parts of their names before FIRST or SECOND.
 found := $(sort $(patsubst $(FRAME),%,$(wildcard $(subst %,*,$(FRAME)))))
 ends = $(patsubst %$1,%,$(filter %$1,$(found)))

@@ -69,6 +69,18 @@ fn good_frames_are_pruned_and_reconstructed_without_a_word() {
     }
 }
 
+/// One particle far from the focus shows the stop at few places, and at the side of the sensor a part of it.
+#[test]
+fn a_frame_of_one_particle_is_pruned_without_a_word() {
+    for seed in ["seed=1", "seed=5", "seed=14", "seed=15"] {
+        let narrow = ["camera.microlenses.focal_length_mm=1.232", "camera.main_lens.working_f_number=16"];
+        let deep = ["volume.z_mm=[-12,12]", "particles.per_lenslet=0.0122", seed];
+        let folder = rendered(CAMERAS[1], &[&narrow[..], &deep].concat());
+        assert_eq!(folder.text("particles.csv").lines().filter(|line| line.starts_with('0')).count(), 1);
+        folder.run("lf-prune frame-0000.exr -c camera.json --depth -12,12 --pvr 2,2,40 -o support.lfv").silent();
+    }
+}
+
 #[test]
 fn a_stop_smaller_than_stated_loses_no_particle_and_is_named() {
     for camera in CAMERAS {

@@ -126,9 +126,9 @@ impl<'a> PrunePlan<'a> {
     pub fn prune(&self, image: ArrayView2<f32>, done: impl Fn(u64) + Sync) -> Support {
         let peak = image.iter().fold(0f32, |peak, value| peak.max(*value));
         if peak <= 0.0 && !self.options.keep_all {
-            return Support { indices: Vec::new(), scores: Vec::new(), dark_sections: 0 };
+            return Support { indices: Vec::new(), scores: Vec::new(), dark_sections: 0, closed_sections: 0 };
         }
-        let sections = self.sections.lit(image, self.camera);
+        let (sections, closed_sections) = self.sections.lit(image, self.camera, self.grid);
         let shades = Shades::new(image, peak, sections.count(), self.options);
         let scorer = Scorer::new(&shades, &sections, self.camera, self.grid, &self.views);
         let [nx, ny, nz] = self.grid.shape;
@@ -138,7 +138,8 @@ impl<'a> PrunePlan<'a> {
         io::release_memory();
         let count = slices.iter().map(Vec::len).sum();
         let (indices, scores) = (Vec::with_capacity(count), Vec::with_capacity(count));
-        let mut support = Support { indices, scores, dark_sections: self.sections.count() - sections.count() };
+        let dark_sections = self.sections.count() - sections.count();
+        let mut support = Support { indices, scores, dark_sections, closed_sections };
         let mut freed = 0;
         for (z, slice) in slices.into_iter().enumerate() {
             freed += slice.len();
@@ -163,6 +164,8 @@ pub struct Support {
     pub scores: Vec<f32>,
     /// Sections inside the stop that are dark for every voxel and count for none.
     pub dark_sections: u32,
+    /// Dark sections that the true stop surely closes: enough particles leave them dark.
+    pub closed_sections: u32,
 }
 
 impl Support {

@@ -84,7 +84,7 @@ fn compare(
     tolerance: Tolerance,
 ) -> Compared {
     let all = Sections::new(camera, options.sections).unwrap();
-    let sections = all.lit(image.view(), camera);
+    let sections = all.lit(image.view(), camera, grid).0;
     let count = sections.count();
     let shades = Shades::new(image.view(), 1.0, count, options);
     let scorer = Scorer::new(&shades, &sections, camera, grid, &ViewsPlan::new(camera, grid));
@@ -210,7 +210,8 @@ fn the_threshold_follows_the_light_and_the_noise() {
 #[test]
 fn places_are_lost_with_their_voxel() {
     let grid = Grid { shape: [4, 4, 4], spacing_mm: [1.0; 3], origin_mm: [0.0; 3] };
-    let support = Support { indices: vec![grid.index([1, 2, 3])], scores: vec![1.0], dark_sections: 0 };
+    let support =
+        Support { indices: vec![grid.index([1, 2, 3])], scores: vec![1.0], dark_sections: 0, closed_sections: 0 };
     assert_eq!(support.lost(&grid, &[[1.4, 1.6, 3.3], [1.6, 1.6, 3.3], [1.0, 2.0, 3.6]]), (2, 1));
 }
 
@@ -421,7 +422,7 @@ fn dark_sections_are_left_out() {
         for camera in ["square", "circle"].map(|aperture| camera(aperture, "square", turn)) {
             let image = shadowed(&speckle(), &camera, is_dark);
             let all = Sections::new(&camera, None).unwrap().count();
-            let lit = Sections::new(&camera, None).unwrap().lit(image.view(), &camera).count();
+            let lit = Sections::new(&camera, None).unwrap().lit(image.view(), &camera, &grid()).0.count();
             assert!(lit > all / 3 && lit < all * 2 / 3, "{lit} of {all}");
             for options in &RULES {
                 let compared = compare(&image, &camera, options, &grid(), &[0, 7, 10], STRAIGHT);

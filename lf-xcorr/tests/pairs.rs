@@ -129,6 +129,36 @@ fn tables_decide_the_field_and_leave_tracks() {
     assert!(bench.text("s.json").contains("particle_pairs"));
 }
 
+/// Without volumes, and with the columns of another program: 0.2 mm along z for particles about 0.8 mm apart.
+#[test]
+fn tables_alone_make_a_field() {
+    let bench = workbench();
+    save_tables(&bench);
+    for name in ["a", "b"] {
+        let table = particles::read(&bench.text(&format!("{name}.csv"))).unwrap();
+        let row = |particle: &Particle| {
+            let [x, y, z] = particle.place_mm;
+            format!("{z},{},{y}\n", 1e3 * x)
+        };
+        let rows: String = table.iter().map(row).collect();
+        let text = format!("{FRAME_LINE}\nz_mm,x_um,y_mm\n{rows}");
+        std::fs::write(bench.path(&format!("{name}-own.csv")), text).unwrap();
+    }
+    bench.done(&["--particles", "a-own.csv", "b-own.csv", "-o", "own.exr", "--tracks", "t.csv"]);
+    let field = Field::open(&bench.path("own.exr")).unwrap();
+    let measured: Vec<usize> = (0..field.len()).filter(|&i| field.flag[i] == MEASURED).collect();
+    assert!(measured.len() * 10 > field.len() * 9, "{} of {}", measured.len(), field.len());
+    for i in measured {
+        let error = field.displacement_mm(i) - DVec3::new(0.13, -0.07, 0.2);
+        assert!(error.abs().max_element() < 1e-7, "{error}");
+    }
+    let single = format!("{FRAME_LINE}\nx_mm,y_mm,z_mm\n1,1,1\n");
+    std::fs::write(bench.path("one.csv"), single).unwrap();
+    bench
+        .refused(&["--particles", "one.csv", "one.csv", "-o", "f.exr", "-q"], &["one.csv", "too few or too far apart"]);
+    bench.refused(&["a.lfv", "--particles", "a.csv", "b.csv", "-o", "f.exr", "-q"], &["1 volumes; wanted two"]);
+}
+
 #[test]
 fn tables_without_a_common_particle_leave_the_correlation() {
     let bench = workbench();
@@ -159,7 +189,7 @@ fn bad_tables_get_one_line() {
     let small = |more: &[&'static str]| [&["a.lfv", "b.lfv", "-o", "f.exr", "-q"], more, &SMALL[..]].concat();
     bench.refused(&small(&["--particles", "a.csv", "empty.csv"]), &["empty.csv: no particle; wanted"]);
     bench.refused(&small(&["--particles", "two.csv", "b.csv"]), &["two.csv: particles of frames 0 and 1"]);
-    bench.refused(&small(&["--particles", "a.csv", "bad.csv"]), &["bad.csv: line 3 is not six numbers"]);
+    bench.refused(&small(&["--particles", "a.csv", "bad.csv"]), &["bad.csv: line 3 is not 6 numbers"]);
     bench
         .refused(&small(&["--particles", "a.csv", "b.csv", "--particles", "a.csv", "b.csv"]), &["4 tables for 1 pair"]);
     bench.refused(&small(&["--particles", "a.csv", "b.csv", "--tracks", "b.csv"]), &["b.csv", "input"]);

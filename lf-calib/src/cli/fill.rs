@@ -7,6 +7,9 @@ use lf_core::{Camera, Session};
 const NOTABLE_STOP: f64 = 0.03;
 const NOTABLE_FILL: f64 = 0.05;
 
+/// A fill is other than the pitch beyond this many standard uncertainties.
+const SURE: f64 = 2.0;
+
 /// Reports the measured width, and warns if another stop than the camera's, or a fill other than the pitch, shows.
 /// `is_kept`: the nominal f-number was asked for.
 pub fn report_fill(fill: Option<&Fill>, camera: &Camera, is_kept: bool, session: &Session) {
@@ -44,11 +47,14 @@ pub fn report_fill(fill: Option<&Fill>, camera: &Camera, is_kept: bool, session:
     } else {
         session.explain(format!("the nominal f-number {nominal_f_number} agrees with that and is kept"));
     }
-    if (measured_px / pitch_px - 1.0).abs() > NOTABLE_FILL {
+    let (apart, uncertainty) = ((measured_px / pitch_px - 1.0).abs(), uncertainty_px / pitch_px);
+    if apart > NOTABLE_FILL && apart > SURE * uncertainty {
         let (what, share) = if measured_px < pitch_px { ("underfill", "unused") } else { ("overfill", "shared") };
         session.warn(format!(
-            "lenslet images {what} the pitch: {measured_px:.2} of {pitch_px:.2} px, {:.0} % {share}; f-number {:.2} would match",
-            100.0 * (measured_px / pitch_px - 1.0).abs(),
+            "lenslet images {what} the pitch: {measured_px:.2} of {pitch_px:.2} px, {:.0} +- {:.0} % {share}; f-number {:.2} \
+             would match",
+            100.0 * apart,
+            100.0 * uncertainty,
             fill.f_number() * measured_px / pitch_px
         ));
     }

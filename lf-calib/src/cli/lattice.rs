@@ -157,6 +157,14 @@ fn report(lattice: &ImageLattice, calibrated: &Calibrated, nominal: &Camera, is_
         lattice.kept(),
         lattice.residual_rms_px
     ));
+    let [found, stated] = [lattice.layout, nominal.microlenses.layout].map(|layout| json!(layout));
+    if found != stated {
+        let [found, stated] = [&found, &stated].map(|layout| layout.as_str().unwrap_or_default());
+        session.warn(format!(
+            "the lattice is {found}, and the nominal camera says {stated}: the camera gets the {found} one; if that is \
+             wrong, this is the white image of another camera"
+        ));
+    }
     if calibrated.degree > 0 {
         session.explain(format!(
             "lenslets depart by a polynomial of degree {}, up to {:.2} px at the frame's corners; {:.4} px RMS from that",

@@ -75,7 +75,16 @@ fn report(found: &MainLensFit, images: usize, session: &mut Session) {
         session.explain(format!("{name} {value:.7} +- {uncertainty:.7}"));
     }
     let selected = if found.selected.is_empty() { "no other parameter".to_string() } else { found.selected.join(", ") };
-    session.explain(format!("besides the target's pose and the magnification the data require {selected}"));
+    let value = |wanted: &str, digits: usize| {
+        let of = found.values.iter().find(|(name, ..)| *name == wanted);
+        of.map_or_else(String::new, |(_, value, uncertainty)| format!("{value:.digits$} +- {uncertainty:.digits$}"))
+    };
+    let zero = ["target_x_mm", "target_y_mm", "focus_offset_mm"].map(|name| value(name, 4)).join(", ");
+    session.say(format!(
+        "{after:.4} px RMS, {expected:.4} px expected from noise; magnification {}; besides it and the target's pose the \
+         data require {selected}; the target's zero stands at x, y, z = {zero} mm of the camera",
+        value("magnification", 6)
+    ));
     for (a, b, correlation) in &found.correlated {
         session.warn(format!("{a} and {b} can hardly be separated: correlation {correlation:.3}"));
     }

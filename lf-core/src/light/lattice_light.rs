@@ -20,8 +20,10 @@ const BINS: usize = 32;
 const STOP_PLACES: usize = 96;
 const PIXEL_PLACES: usize = 4;
 
-/// Blocks a side of the lit part of a frame, and the share of the light beyond each side of that part.
+/// Blocks a side of the lit part of a frame at most, lenslets a side of a block at least, and the share of the light
+/// beyond each side of that part. In a smaller block a particle shows a few places of the stop only.
 const BLOCKS: usize = 6;
+const BLOCK_LENSLETS: f64 = 3.0;
 const BEYOND: f64 = 0.01;
 
 /// Minimum effective number of lit blocks: the light's sum squared over its sum of squares.
@@ -192,19 +194,21 @@ fn folds(image: ArrayView2<f32>, optics: &Optics, tones: &Tones) -> Vec<Fold> {
     let rows: Vec<f64> = lines.iter().map(|(_, line)| line.iter().sum()).collect();
     let (columns, rows) = (lit(&columns), lit(&rows));
     let gain = array_to_sensor(optics);
-    let part = |range: &Range<usize>, n: usize| {
-        range.start + n * range.len() / BLOCKS..range.start + (n + 1) * range.len() / BLOCKS
+    let block_px = BLOCK_LENSLETS * optics.lattice().cell_area_mm2().sqrt() * gain / optics.pixel_pitch_mm;
+    let [across, down] = [&columns, &rows].map(|range| ((range.len() as f64 / block_px) as usize).clamp(1, BLOCKS));
+    let part = |range: &Range<usize>, n: usize, of: usize| {
+        range.start + n * range.len() / of..range.start + (n + 1) * range.len() / of
     };
     let fold = |block: usize| {
         let mut fold = Fold::new();
-        for (row, line) in &lines[part(&rows, block / BLOCKS)] {
-            for column in part(&columns, block % BLOCKS).filter(|column| line[*column] > 0.0) {
+        for (row, line) in &lines[part(&rows, block / across, down)] {
+            for column in part(&columns, block % across, across).filter(|column| line[*column] > 0.0) {
                 fold.add(line[column], optics.lattice().turns(optics.centre_mm(column as u32, *row as u32) / gain));
             }
         }
         fold
     };
-    (0..BLOCKS * BLOCKS).into_par_iter().map(fold).collect()
+    (0..across * down).into_par_iter().map(fold).collect()
 }
 
 /// The range that holds all but [`BEYOND`] of the light on each side.

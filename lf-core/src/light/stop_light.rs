@@ -12,10 +12,29 @@ use rayon::prelude::*;
 /// About this many lenslets are examined, spread evenly over the array.
 const LENSLETS: usize = 1 << 15;
 
-/// Mean light that comes through each of these places of the stop, counts: the pixels there under all lenslets of which
-/// the sensor sees the place. No pixel counts more than the mean brightness of the light, so that a few bright
-/// particles do not decide. Blind pixels, which are NaN, do not count. 0 for a place that no lenslet shows.
-pub fn light_through(image: ArrayView2<f32>, camera: &Camera, tones: &Tones, stop_mm: &[DVec2]) -> Vec<f64> {
+/// Light that comes through places of the stop.
+pub struct StopLight {
+    /// Mean light through each place, counts: the pixels there under all lenslets of which the sensor sees the place.
+    /// No pixel counts more than the mean brightness of the light, so that a few bright particles do not decide. Blind
+    /// pixels, which are NaN, do not count. 0 for a place that no lenslet shows.
+    pub means: Vec<f64>,
+    /// Effective number of lit pixels that a mean is made of, over all places: its relative deviation is one over the
+    /// root of it.
+    pub samples: f64,
+}
+
+impl StopLight {
+    /// The light of an image of the camera's size through each of these places.
+    pub fn new(image: ArrayView2<f32>, camera: &Camera, tones: &Tones, stop_mm: &[DVec2]) -> Self {
+        let sums = sums_through(image, camera, tones, stop_mm);
+        let [sum, squares] = [1, 2].map(|n| sums.iter().map(|sums| sums[n]).sum::<f64>());
+        let samples = if squares > 0.0 { sum * sum / squares / sums.len() as f64 } else { 0.0 };
+        Self { means: sums.iter().map(|[count, sum, _]| sum / count.max(1.0)).collect(), samples }
+    }
+}
+
+/// Number of pixels that show each place, their light, and its squares.
+fn sums_through(image: ArrayView2<f32>, camera: &Camera, tones: &Tones, stop_mm: &[DVec2]) -> Vec<[f64; 3]> {
     let optics = Optics::new(camera);
     let half_sensor = 0.5 * optics.pixel_pitch_mm * DVec2::from(optics.sensor_px.map(|side| side as f64));
     let reach = half_sensor + DVec2::splat(camera.microlenses.pitch_mm);
@@ -24,21 +43,21 @@ pub fn light_through(image: ArrayView2<f32>, camera: &Camera, tones: &Tones, sto
     let step = centres.len() / LENSLETS + 1;
     centres = centres.into_iter().step_by(step).collect();
     let (least, most) = ((DARKEST * tones.light) as f32, tones.light as f32);
-    let mean = |place: &DVec2| {
-        let (mut sum, mut count) = (0.0, 0u32);
+    let sums = |place: &DVec2| {
+        let mut sums = [0.0; 3];
         for centre in &centres {
             let Some((column, row)) = optics.pixel_at(optics.sensor_through(*centre, *centre, *place)) else {
                 continue;
             };
             let value = image[[row, column]];
             if !value.is_nan() {
-                count += 1;
-                sum += if value >= least { f64::from(value.min(most)) } else { 0.0 };
+                let light = if value >= least { f64::from(value.min(most)) } else { 0.0 };
+                sums = [sums[0] + 1.0, sums[1] + light, sums[2] + light * light];
             }
         }
-        sum / f64::from(count.max(1))
+        sums
     };
-    stop_mm.par_iter().map(mean).collect()
+    stop_mm.par_iter().map(sums).collect()
 }
 
 #[cfg(test)]
@@ -66,7 +85,8 @@ mod tests {
             let light = 50.0;
             let tones = Tones { light, dark: 0.0, darkest: 0.0, peak: 5e6 };
             let places = [(0.0, -30.0), (30.0, -15.0), (0.0, 30.0), (30.0, 15.0)].map(DVec2::from);
-            let found = light_through(image.view(), &camera, &tones, &places);
+            let StopLight { means: found, samples } = StopLight::new(image.view(), &camera, &tones, &places);
+            assert!((100.0..=400.0).contains(&samples), "{samples}");
             assert!(found[..2].iter().all(|found| (found - light).abs() < 0.01 * light), "{layout:?}: {found:?}");
             assert!(found[2..].iter().all(|found| *found < 0.01 * light), "{layout:?}: {found:?}");
         }

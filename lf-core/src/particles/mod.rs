@@ -9,7 +9,9 @@
 //! The tools write [`FRAME_LINE`] first. A table without it is read as if it had it, and tools warn of it, because in a
 //! table of lf 0.1.0 x has the other sign: [`mod@crate::frame`]. Add the line to a table of your own.
 //!
-//! Every table has the columns of [`HEADER`]:
+//! Columns are found by their names, in any order, and others are not read. The three of the place are enough: without
+//! the others the frame is 0, particles are numbered from 0, and each has one count of light. `x_um` and `x_m` are in
+//! micrometres and metres, and so on for y, z and their uncertainties. The tools write these columns, [`HEADER`]:
 //!
 //! | column | unit | meaning |
 //! | --- | --- | --- |
@@ -28,14 +30,17 @@
 //!
 //! The covariance must be positive semidefinite, and `sx_mm` the square root of `cxx_mm2` to 1 %, and so on: the first
 //! three columns are for readers that need no correlations. Near the focal plane x or y and z correlate by up to 0.99.
+//! A table with the first three only says that they do not correlate.
 
+mod columns;
 mod covariance;
 mod draw;
 mod particle;
 mod reader;
 mod writer;
 
+pub use columns::{FITTED_HEADER, HEADER};
 pub use draw::{BATCH, REACH_SIGMA, draw};
 pub use particle::{Particle, Uncertainty};
-pub use reader::{FITTED_HEADER, FRAME_LINE, HEADER, frame, history, open, read, warn_unmarked};
+pub use reader::{FRAME_LINE, frame, history, open, read, warn_unmarked};
 pub use writer::write;

@@ -1,18 +1,14 @@
 //! A table from text.
 
+use super::columns::{Column, Columns};
 use super::covariance::{fault, matrix};
 use super::particle::{Particle, Uncertainty};
 use crate::{History, Refusal, Result, Session, frame::MARK, io};
-use glam::DVec3;
+use glam::{DMat3, DVec3};
 use std::path::Path;
 
 /// The mark of the frame, before the header.
 pub const FRAME_LINE: &str = "# frame: right-handed";
-/// The names of the columns, before the first particle.
-pub const HEADER: &str = "frame,id,x_mm,y_mm,z_mm,intensity";
-/// The names of the columns of particles with uncertainties.
-pub const FITTED_HEADER: &str = "frame,id,x_mm,y_mm,z_mm,intensity,sx_mm,sy_mm,sz_mm,s_intensity,\
-                                 cxx_mm2,cxy_mm2,cxz_mm2,cyy_mm2,cyz_mm2,czz_mm2";
 
 /// The lines before the header, without their `#`.
 fn comments(text: &str) -> impl Iterator<Item = &str> {
@@ -47,38 +43,27 @@ pub fn open(path: &Path, session: &Session) -> Result<Vec<Particle>> {
     Ok(particles)
 }
 
-/// Reads a table. Refuses a frame other than the tools' and an impossible covariance. Errors give the number of the
-/// line.
+/// Reads a table. Columns are found by their names: a place is enough, others are not read. Refuses a frame other than
+/// the tools' and an impossible covariance. Errors give the number of the line.
 pub fn read(text: &str) -> std::result::Result<Vec<Particle>, Refusal> {
     if let Some(frame) = frame(text).filter(|frame| *frame != MARK) {
         return Err(Refusal::new(format!("its frame is '{frame}'"), format!("wanted '{FRAME_LINE}'")));
     }
     let comments = comments(text).count();
     let mut lines = text.lines().enumerate().skip(comments);
-    let header = match lines.next().map(|(_, line)| line.trim()) {
-        Some(HEADER) => HEADER,
-        Some(FITTED_HEADER) => FITTED_HEADER,
-        Some(other) if other.starts_with(HEADER) => {
-            let found = format!("line {} is another header: '{other}'", comments + 1);
-            return Err(Refusal::new(found, format!("wanted '{HEADER}' or '{FITTED_HEADER}'")));
-        }
-        _ => {
-            let found = format!("line {} is not the header", comments + 1);
-            return Err(Refusal::new(found, format!("wanted '{HEADER}'")));
-        }
-    };
-    let mut particles = Vec::new();
-    for (n, line) in lines.filter(|(_, line)| !line.trim().is_empty()) {
-        particles.push(TableLine { number: n + 1, text: line, header }.particle()?);
-    }
-    Ok(particles)
+    let header = lines.next().map_or("", |(_, line)| line.trim());
+    let columns = Columns::new(header).map_err(|[what, wanted]| {
+        Refusal::new(format!("line {} is {what}: '{header}'", comments + 1), format!("wanted '{wanted}'"))
+    })?;
+    let lines = lines.filter(|(_, line)| !line.trim().is_empty()).enumerate();
+    lines.map(|(id, (n, text))| TableLine { number: n + 1, text, columns: &columns }.particle(id as u64)).collect()
 }
 
 /// A line of a table that has a header.
 struct TableLine<'a> {
     number: usize,
     text: &'a str,
-    header: &'static str,
+    columns: &'a Columns,
 }
 
 impl TableLine<'_> {
@@ -87,37 +72,58 @@ impl TableLine<'_> {
     }
 
     fn wrong(&self) -> Refusal {
-        let count = if self.header == HEADER { "six" } else { "sixteen" };
-        Refusal::new(self.found(&format!("is not {count} numbers")), format!("wanted {}", self.header))
+        let Columns { count, header, .. } = self.columns;
+        Refusal::new(self.found(&format!("is not {count} numbers")), format!("wanted {header}"))
     }
 
-    fn particle(&self) -> std::result::Result<Particle, Refusal> {
-        let mut words = self.text.split(',').map(str::trim);
-        let (frame, id) = (words.next().unwrap_or_default(), words.next().unwrap_or_default());
-        let numbers: Option<Vec<f64>> = words.map(|word| word.parse().ok().filter(|v: &f64| v.is_finite())).collect();
-        let numbers = numbers.ok_or_else(|| self.wrong())?;
-        let wanted = self.header.split(',').count() - 2;
-        let ([x, y, z, intensity, rest @ ..], true) = (&numbers[..], numbers.len() == wanted) else {
+    /// The particle, with the number `id` if its column is missing.
+    fn particle(&self, id: u64) -> std::result::Result<Particle, Refusal> {
+        let words: Vec<&str> = self.text.split(',').map(str::trim).collect();
+        let columns = self.columns;
+        if words.len() != columns.count {
             return Err(self.wrong());
+        }
+        let number = |column: Column| {
+            let value = words[column.place].parse().ok().filter(|value: &f64| value.is_finite());
+            value.map(|value| column.unit * value).ok_or_else(|| self.wrong())
         };
-        Refusal::unless(*intensity >= 0.0, || self.found("has a negative intensity"), "wanted 0 or more")?;
+        let whole = |column: Option<usize>, missing: u64| {
+            column.map_or(Ok(missing), |place| words[place].parse().map_err(|_| self.wrong()))
+        };
+        let [x, y, z] = columns.places;
+        let intensity = columns.intensity.map_or(Ok(1.0), number)?;
+        Refusal::unless(intensity >= 0.0, || self.found("has a negative intensity"), "wanted 0 or more")?;
+        let numbers = |columns: &[Column]| {
+            columns.iter().map(|column| number(*column)).collect::<std::result::Result<Vec<_>, _>>()
+        };
+        let stds = numbers(&columns.stds)?;
+        let uncertainty = match (stds.as_slice(), numbers(&columns.covariance)?.as_slice()) {
+            ([sx, sy, sz, light @ ..], covariance) => {
+                let std_mm = DVec3::new(*sx, *sy, *sz);
+                let covariance_mm2 = covariance.try_into().map(matrix).unwrap_or(DMat3::from_diagonal(std_mm * std_mm));
+                let intensity = light.first().copied().unwrap_or(intensity);
+                Some(self.uncertainty(std_mm, intensity, covariance_mm2)?)
+            }
+            _ => None,
+        };
         Ok(Particle {
-            frame: frame.parse().map_err(|_| self.wrong())?,
-            id: id.parse().map_err(|_| self.wrong())?,
-            place_mm: [*x, *y, *z],
-            intensity: *intensity,
-            uncertainty: rest.try_into().ok().map(|rest| self.uncertainty(rest)).transpose()?,
+            frame: whole(columns.frame, 0)? as usize,
+            id: whole(columns.id, id)?,
+            place_mm: [number(x)?, number(y)?, number(z)?],
+            intensity,
+            uncertainty,
         })
     }
 
     fn uncertainty(
         &self,
-        [sx, sy, sz, intensity, covariance @ ..]: [f64; 10],
+        std_mm: DVec3,
+        intensity: f64,
+        covariance_mm2: DMat3,
     ) -> std::result::Result<Uncertainty, Refusal> {
-        let is_positive = [sx, sy, sz, intensity].iter().all(|std| *std >= 0.0);
+        let is_positive = std_mm.cmpge(DVec3::ZERO).all() && intensity >= 0.0;
         Refusal::unless(is_positive, || self.found("has a negative uncertainty"), "wanted 0 or more")?;
-        let covariance_mm2 = matrix(covariance);
-        match fault(&covariance_mm2, DVec3::new(sx, sy, sz)) {
+        match fault(&covariance_mm2, std_mm) {
             Some(fault) => Err(Refusal::new(self.found(&fault), "wanted the covariance of the centre, mm²")),
             None => Ok(Uncertainty { covariance_mm2, intensity }),
         }
@@ -126,6 +132,7 @@ impl TableLine<'_> {
 
 #[cfg(test)]
 mod tests {
+    use super::super::columns::{FITTED_HEADER, HEADER};
     use super::*;
 
     #[test]
@@ -139,8 +146,26 @@ mod tests {
         assert!(history(&marked).is_empty());
         assert_eq!(read(&format!("# frame: left\n{rows}")).unwrap_err().found, "its frame is 'left'");
         let wrong = read(&format!("{marked}0,1\n")).unwrap_err().found;
-        assert!(wrong.starts_with("line 5 is not six numbers"), "{wrong}");
-        assert_eq!(read("#\nx\n").unwrap_err().found, "line 2 is not the header");
+        assert!(wrong.starts_with("line 5 is not 6 numbers"), "{wrong}");
+        assert_eq!(read("#\nx\n").unwrap_err().found, "line 2 is not the header: 'x'");
+    }
+
+    #[test]
+    fn columns_are_found_by_name() {
+        let read = |text: &str| super::read(text).unwrap();
+        let [one, two] = read("z_um, x_mm,note,y_m\n500,1,a ball,0.002\n\n0,0,,0\n").try_into().unwrap();
+        assert_eq!((one.place_mm, one.frame, one.id, one.intensity), ([1.0, 2.0, 0.5], 0, 0, 1.0));
+        assert_eq!((two.id, two.uncertainty), (1, None));
+        let [fitted] = read("x_mm,y_mm,z_mm,sx_um,sy_mm,sz_mm\n1,2,3,100,0.2,0.5\n").try_into().unwrap();
+        assert!(fitted.uncertainty.unwrap().std_mm().abs_diff_eq(DVec3::new(0.1, 0.2, 0.5), 1e-12));
+        for (header, named) in [
+            ("x_mm,y_mm", "line 1 is not the header"),
+            ("x,y,z", "line 1 is not the header"),
+            ("x_mm,y_mm,z_mm,sx_mm", "line 1 is another header"),
+            ("x_mm,y_mm,z_mm,cxx_mm2", "line 1 is another header"),
+        ] {
+            assert!(super::read(header).unwrap_err().found.starts_with(named), "{header}");
+        }
     }
 
     #[test]
@@ -151,8 +176,8 @@ mod tests {
         assert_eq!((uncertainty.std_mm(), uncertainty.intensity), (DVec3::new(0.1, 0.2, 0.5), 7.0));
         assert_eq!([uncertainty.covariance_mm2.col(2)[0], uncertainty.covariance_mm2.col(0)[2]], [0.04; 2]);
         for (wrong, named) in [
-            ("0,1,2,3,4,5", "line 3 is not sixteen numbers"),
-            ("0,1,2,3,4,5,0.1,0.2,0.5,7,0.01,0,nan,0.04,0,0.25", "line 3 is not sixteen numbers"),
+            ("0,1,2,3,4,5", "line 3 is not 16 numbers"),
+            ("0,1,2,3,4,5,0.1,0.2,0.5,7,0.01,0,nan,0.04,0,0.25", "line 3 is not 16 numbers"),
             ("0,1,2,3,4,5,0.1,-0.2,0.5,7,0.01,0,0.04,0.04,0,0.25", "line 3 has a negative uncertainty"),
             ("0,1,2,3,4,5,0.1,0.2,0.5,7,0.01,0,0.06,0.04,0,0.25", "line 3 has a covariance that is not positive"),
             ("0,1,2,3,4,5,0.1,0.2,5,7,0.01,0,0.04,0.04,0,0.25", "line 3 has sz_mm 5, and 5.0000e-1 by"),

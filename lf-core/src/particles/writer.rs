@@ -1,8 +1,9 @@
 //! A table to text.
 
+use super::columns::{FITTED_HEADER, HEADER};
 use super::covariance::upper;
 use super::particle::Particle;
-use super::reader::{FITTED_HEADER, FRAME_LINE, HEADER};
+use super::reader::FRAME_LINE;
 use std::io::{self, Write};
 
 /// Writes a table: the mark of the frame, `comments` without their `#`, a header, the particles. Uncertainties are

@@ -43,6 +43,11 @@ impl JoinedVolume {
         Ok(wholes)
     }
 
+    /// A volume of rising indices and their values.
+    pub fn new(name: String, grid: Grid, history: History, indices: Vec<u64>, values: Vec<f32>) -> Self {
+        Self { name, grid, history, source: Source::Joined(indices, values) }
+    }
+
     fn of_file(volume: Volume, column: &str) -> Result<Self> {
         volume.require(column)?;
         let (name, grid, history) = (volume.name().to_owned(), volume.grid().clone(), volume.history().clone());
@@ -79,7 +84,7 @@ impl JoinedVolume {
                 *next = end;
             }
         }
-        Ok(Self { name, grid, history, source: Source::Joined(joined, values) })
+        Ok(Self::new(name, grid, history, joined, values))
     }
 
     /// Name in messages.

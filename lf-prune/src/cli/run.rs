@@ -35,6 +35,7 @@ fn run(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
     let grid = arguments.grid(&camera)?;
     allow(PrunePlan::list_bytes(&grid), arguments, &grid)?;
     session.warn_of_frame(&image, &camera, arguments.background.is_some());
+    warnings::warn_of_voxels(&grid, &camera, session);
     let found = Automatic::new(pixels, &camera, arguments.scored_by());
     let threshold = arguments.typed_threshold().unwrap_or_else(|| explain_threshold(&found, arguments, session));
     let options = arguments.options(threshold);

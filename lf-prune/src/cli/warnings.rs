@@ -2,17 +2,35 @@
 
 use lf_core::image::Frame;
 use lf_core::light::{Follows, LatticeLight, Tones};
-use lf_core::{Camera, Error, Session, camera::Aperture};
+use lf_core::{Camera, Error, Grid, Session, camera::Aperture};
 use lf_prune::{PruneOptions, PrunePlan, Support};
 
-/// Share of dark sections above which the user is warned about the stop.
-const DARK_SECTIONS: f64 = 0.05;
+/// Share of closed sections above which the user is warned about the stop.
+const CLOSED_SECTIONS: f64 = 0.05;
 
 /// Share of the voxels that pruning must rule out to be of use.
 const RULED_OUT: f64 = 0.1;
 
+/// Warn of voxels wider than this many lenslets, or deeper than this many times what the camera resolves.
+const WIDEST: f64 = 0.7;
+const DEEPEST: f64 = 3.0;
+
 /// Warn if the kept voxels explain less than this share of the light.
 const EXPLAINED: f64 = 0.9;
+
+/// Warns of voxels as wide as lenslets, or deeper than the camera resolves.
+pub fn warn_of_voxels(grid: &Grid, camera: &Camera, session: &Session) {
+    let pixel_mm = camera.voxel_spacing_mm([1.0; 3]);
+    let [x, y, z] = [0, 1, 2].map(|axis| grid.spacing_mm[axis] / pixel_mm[axis]);
+    let lenslet_px = camera.microlenses.pitch_mm / camera.sensor.pixel_pitch_mm;
+    let depth_px = camera.depth_resolution_px();
+    if x.max(y) > WIDEST * lenslet_px || z > DEEPEST * depth_px {
+        session.warn(format!(
+            "voxels of {x:.0} x {y:.0} x {z:.0} px, where a lenslet is {lenslet_px:.0} px wide and the camera resolves \
+             {depth_px:.0} px in depth (r): particles blur in them; --pvr names x and y first, such as 1,1,r/2"
+        ));
+    }
+}
 
 /// Warns if light is left that no kept voxel sees.
 pub fn warn_of_light(explained: Option<f64>, session: &mut Session) {
@@ -29,7 +47,7 @@ pub fn warn_of_light(explained: Option<f64>, session: &mut Session) {
 
 /// Describes how the light fills the stop: `31 of 156 sections ...`.
 fn fill(support: &Support, plan: &PrunePlan, camera: &Camera) -> String {
-    let (dark, all) = (support.dark_sections, plan.sections());
+    let (dark, all) = (support.closed_sections, plan.sections());
     let stated = camera.demagnification() * camera.aperture_mm() / camera.sensor.pixel_pitch_mm;
     let lit = stated * (1.0 - f64::from(dark) / f64::from(all)).sqrt();
     let shape = if camera.main_lens.aperture == Aperture::Circle { "disc" } else { "square" };
@@ -39,8 +57,8 @@ fn fill(support: &Support, plan: &PrunePlan, camera: &Camera) -> String {
     )
 }
 
-fn has_dark_sections(support: &Support, plan: &PrunePlan) -> bool {
-    f64::from(support.dark_sections) > DARK_SECTIONS * f64::from(plan.sections())
+fn has_closed_sections(support: &Support, plan: &PrunePlan) -> bool {
+    f64::from(support.closed_sections) > CLOSED_SECTIONS * f64::from(plan.sections())
 }
 
 /// Warns if the stop is not as the camera says, and if pruning rules out next to nothing.
@@ -53,7 +71,7 @@ pub fn warn(
     session: &mut Session,
 ) {
     session.count("dark_sections", support.dark_sections);
-    if has_dark_sections(support, plan) {
+    if has_closed_sections(support, plan) {
         session.warn(format!(
             "{}; they are left out here, but lf-mart's weights need the true stop: measure working_f_number with \
              lf-calib lattice",
@@ -85,7 +103,7 @@ pub fn nothing_left(name: String, frame: &Frame, support: &Support, plan: &Prune
             format!("{found}: the light does not lie under the camera's lenslets"),
             "wanted the camera of this frame, calibrated with lf-calib lattice".to_string(),
         ),
-        Some(_) if has_dark_sections(support, plan) => (
+        Some(_) if has_closed_sections(support, plan) => (
             format!("{found}: {}", fill(support, plan, camera)),
             "wanted a camera with the stop of this frame, or a lower --threshold".to_string(),
         ),

@@ -1,13 +1,19 @@
 //! The sections of the aperture that rays pass.
 
 use glam::DVec2;
-use lf_core::light::{Tones, light_through};
-use lf_core::{Camera, Refusal, camera::Aperture, statistics::ranked, weights::sections};
+use lf_core::light::{StopLight, Tones, fewest_particles};
+use lf_core::{Camera, Grid, Refusal, camera::Aperture, statistics::ranked, weights::sections};
 use ndarray::ArrayView2;
 
 /// A section is dark if its light is below this share of the upper quartile of all sections. On the scenes of
 /// `scripts/studies/study prune-cameras` closed sections have at most 0.3 of it, open ones 0.5 or more.
 const LIT_SHARE: f64 = 0.4;
+
+/// A section is surely closed if its light is this many standard deviations below the usual one.
+const SURE: f64 = 3.0;
+
+/// With fewer particles no section is surely closed. A single one may show half the stop, at the side of the sensor.
+const FEWEST_PARTICLES: f64 = 4.0;
 
 /// The sections of the aperture.
 pub(crate) struct Sections {
@@ -33,14 +39,22 @@ impl Sections {
         Ok(Self { centres_mm, traced })
     }
 
-    /// The sections that let light through in this image, by [`LIT_SHARE`]. A smaller stop than the camera says, or a
-    /// shadow in it, leaves the others dark for every voxel. If the image has no light, all sections count as lit.
-    pub(crate) fn lit(&self, image: ArrayView2<f32>, camera: &Camera) -> Self {
-        let light = light_through(image, camera, &Tones::new(image), &self.traced_mm());
-        let usual = ranked(&mut light.clone(), light.len() * 3 / 4).unwrap_or(0.0);
-        let mut light = light.into_iter();
-        let is_lit = |traced: &bool| *traced && light.next().is_some_and(|light| light >= LIT_SHARE * usual);
-        Self { centres_mm: self.centres_mm.clone(), traced: self.traced.iter().map(is_lit).collect() }
+    /// The sections that let light through in this image, by [`LIT_SHARE`], and the number of the others that are
+    /// surely closed. A smaller stop than the camera says, or a shadow in it, leaves sections dark for every voxel. So
+    /// do a few particles; these sections are not surely closed. If the image has no light, all count as lit.
+    pub(crate) fn lit(&self, image: ArrayView2<f32>, camera: &Camera, grid: &Grid) -> (Self, u32) {
+        let tones = Tones::new(image);
+        let StopLight { means, samples } = StopLight::new(image, camera, &tones, &self.traced_mm());
+        let usual = ranked(&mut means.clone(), means.len() * 3 / 4).unwrap_or(0.0);
+        let ends_mm = [0, grid.shape[2] - 1].map(|z| grid.centre_mm(2, z));
+        let sure = LIT_SHARE.min(1.0 - SURE / samples.sqrt()) * usual;
+        let is_crowded = || fewest_particles(image, camera, &tones, ends_mm) >= FEWEST_PARTICLES;
+        let closed = means.iter().filter(|light| **light < sure).count() as u32;
+        let closed = if closed > 0 && is_crowded() { closed } else { 0 };
+        let mut means = means.into_iter();
+        let is_lit = |traced: &bool| *traced && means.next().is_some_and(|light| light >= LIT_SHARE * usual);
+        let traced = self.traced.iter().map(is_lit).collect();
+        (Self { centres_mm: self.centres_mm.clone(), traced }, closed)
     }
 
     /// Number of sections that are traced.

@@ -1,9 +1,8 @@
 //! From the command line to its task.
 
 use super::arguments::{Arguments, Task};
-use super::{calibration, frames, images::save_text};
-use lf_core::{Error, Result, Session, Verdict, cli, json};
-use lf_synth::Scene;
+use super::{calibration, frames, images::save_text, setup};
+use lf_core::{Error, Result, Session, Verdict, cli};
 use lf_synth::scene::ready::{self, READY};
 use std::path::Path;
 use std::process::ExitCode;
@@ -38,7 +37,6 @@ fn changed_scene(name: &str, set: &[String]) -> Result<String> {
     for assignment in set {
         ready::set(&mut scene, assignment).map_err(|refusal| refusal.about("--set"))?;
     }
-    json::read::<Scene>(&scene)
-        .map_err(|found| Error::new("--set", found, "wanted keys and values that a scene.json has"))?;
+    setup::check(&scene).map_err(|found| Error::new("--set", found, "wanted keys and values that a scene.json has"))?;
     Ok(format!("{}\n", serde_json::to_string_pretty(&scene).expect("a scene is plain data")))
 }

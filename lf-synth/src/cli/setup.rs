@@ -90,12 +90,16 @@ impl Setup {
 
 /// Reads a scene. The error names all its mistakes, those of a camera inside it too.
 fn read(text: &str) -> std::result::Result<Scene, String> {
-    let value: Value = serde_json::from_str(text).map_err(|error| format!("not JSON ({error})"))?;
-    let mut found = json::mistakes::<Scene>(&value, "");
+    check(&serde_json::from_str(text).map_err(|error| format!("not JSON ({error})"))?)
+}
+
+/// A scene from JSON. The error is that of a file.
+pub fn check(value: &Value) -> std::result::Result<Scene, String> {
+    let mut found = json::mistakes::<Scene>(value, "");
     if let Some(camera) = value.get("camera").filter(|camera| !camera.is_string()) {
         found.extend(json::mistakes::<Camera>(camera, "camera"));
     }
-    if found.is_empty() { json::read(&value) } else { Err(found.join(", ")) }
+    if found.is_empty() { json::read(value) } else { Err(found.join(", ")) }
 }
 
 /// Reads an image of counts of shape (height, width).

@@ -7,29 +7,36 @@ use lf_core::{Field, Refusal, Result, Session, Tile, Verdict, Volume, io, volume
 use lf_validate::info::{self, Description, FileKind};
 use std::path::{Path, PathBuf};
 
-/// Description of any file that the tools read or write, on one screen
+/// Description of any files that the tools read or write, each on one screen
 #[derive(clap::Args)]
 #[command(after_help = "Examples, in out/ after scripts/demo:
-  lf-validate info camera.json
+  lf-validate info camera.json field-0000-0001.exr
   lf-prune scene/frame-0000.exr -c camera.json --pvr 4,4,40 --depth -5,5 | lf-validate info")]
 pub struct InfoArguments {
-    /// The file; file.tif:3 is page 3 of a TIFF
-    #[arg(default_value = "-")]
-    file: PathBuf,
+    /// The files; file.tif:3 is page 3 of a TIFF
+    #[arg(value_name = "FILE", default_value = "-")]
+    files: Vec<PathBuf>,
     #[command(flatten)]
     reading: ImageOptions,
 }
 
-/// Describes a file.
+/// Describes files. A line with its name stands before each of several.
 pub fn describe(arguments: &InfoArguments, session: &mut Session) -> Result<Verdict> {
-    let file = arguments.file.as_path();
-    session.keep_apart(Path::new("-"), &[file])?;
+    let files: Vec<&Path> = arguments.files.iter().map(PathBuf::as_path).collect();
+    session.keep_apart(Path::new("-"), &files)?;
     let channel = arguments.reading.channel;
-    let description = session.phase("read", |_| match io::split_page(file) {
+    let describe = |file: &Path| match io::split_page(file) {
         (_, Some(_)) => image(&Stack::open(file)?, channel),
         _ => description(io::open(file)?, &io::name(file), channel),
+    };
+    let described = |file: &&Path| describe(file).map(|description| (io::name(file), description));
+    let all = session.phase("read", |_| files.iter().map(described).collect::<Result<Vec<_>>>())?;
+    io::save_text(Path::new("-"), |out| {
+        all.iter().enumerate().try_for_each(|(n, (name, description))| {
+            let before = if n > 0 { "\n" } else { "" };
+            if all.len() > 1 { write!(out, "{before}{name}\n{description}") } else { write!(out, "{description}") }
+        })
     })?;
-    io::save_text(Path::new("-"), |out| write!(out, "{description}"))?;
     Ok(Verdict::Done)
 }
 

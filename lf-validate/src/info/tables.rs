@@ -148,7 +148,7 @@ mod tests {
     fn a_line_that_is_not_a_particle_is_named() {
         for line in ["0,0,1,2,3", "0,0,1,2,3,4,5", "0,0,x,2,3,4", "0,0,NaN,2,3,4", "-1,0,1,2,3,4"] {
             let error = particles(&format!("{HEADER}\n0,0,1,2,3,4\n{line}\n")).unwrap_err();
-            assert!(error.found.starts_with("line 3 is not six numbers"), "{error}");
+            assert!(error.found.starts_with("line 3 is not 6 numbers"), "{error}");
         }
         assert!(particles("frame,x\n").unwrap_err().found.contains("line 1"));
     }

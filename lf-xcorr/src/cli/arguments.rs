@@ -25,17 +25,20 @@ use std::path::{Path, PathBuf};
 )]
 pub struct Arguments {
     /// First volume (.lfv); `-` is standard input. Give all tiles of both volumes: a-*.lfv b-*.lfv
-    a: PathBuf,
-    /// Second volume
-    b: PathBuf,
+    #[arg(required_unless_present = "particles")]
+    a: Option<PathBuf>,
+    /// Second volume. Volumes may be left out if --particles are given
+    #[arg(required_unless_present = "particles")]
+    b: Option<PathBuf>,
     /// More files, if volumes are in tiles
     #[arg(value_name = "TILE", hide = true)]
     tiles: Vec<PathBuf>,
     /// Two more volumes of the same flow; repeat for more pairs, or for more of their tiles
-    #[arg(long, num_args = 2, value_names = ["A", "B"], action = clap::ArgAction::Append)]
+    #[arg(long, num_args = 2, value_names = ["A", "B"], action = clap::ArgAction::Append, requires = "a")]
     pub and: Vec<PathBuf>,
-    /// The particles of both volumes (.csv of lf-fit). The correlation predicts; particles found in both tables decide
-    /// the vectors. Repeat for every --and
+    /// The particles of both volumes (.csv of lf-fit, or of your own with x_mm,y_mm,z_mm). The correlation predicts;
+    /// particles found in both tables decide the vectors. Repeat for every --and. Without volumes, they are drawn from
+    /// the particles
     #[arg(long, num_args = 2, value_names = ["A.csv", "B.csv"], action = clap::ArgAction::Append)]
     pub particles: Vec<PathBuf>,
     /// Write the particles found in both tables, for lf-synth and lf-validate displacement
@@ -107,9 +110,9 @@ struct Method {
 }
 
 impl Arguments {
-    /// The files of the first two volumes.
+    /// The files of the first two volumes; none if volumes are drawn from particles.
     pub fn files(&self) -> impl Iterator<Item = &Path> {
-        [&self.a, &self.b].into_iter().chain(&self.tiles).map(PathBuf::as_path)
+        self.a.iter().chain(&self.b).chain(&self.tiles).map(PathBuf::as_path)
     }
 
     /// Every file that is read.

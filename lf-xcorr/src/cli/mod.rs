@@ -5,6 +5,7 @@
 //! Open `run.rs` first.
 
 mod arguments;
+mod drawn;
 mod parse;
 mod particles;
 mod report;

@@ -1,9 +1,9 @@
 //! The particles that decide the vectors: read, used, reported, and written as tracks.
 
-use super::arguments::Arguments;
+use super::{arguments::Arguments, drawn};
 use glam::DVec3;
 use lf_core::particles;
-use lf_core::{Error, Field, Grid, Particle, Result, Session, io};
+use lf_core::{Error, Field, Grid, History, JoinedVolume, Particle, Result, Session, io};
 use lf_xcorr::{Mask, Pair, Tracks, TracksReport, decide};
 use std::path::Path;
 
@@ -18,22 +18,24 @@ const MANY: f64 = 0.2;
 pub struct Tables {
     names: Vec<String>,
     tables: Vec<Vec<Particle>>,
+    histories: Vec<History>,
 }
 
 impl Tables {
-    /// Reads the tables of `pairs` pairs of volumes; None if no table is given. Refuses another number of tables, and a
-    /// table of several frames or without particles.
-    pub fn read(arguments: &Arguments, pairs: usize, session: &Session) -> Result<Option<Self>> {
+    /// Reads the tables of `pairs` pairs of volumes, or of any number of pairs; None if no table is given. Refuses
+    /// another number of tables, and a table of several frames or without particles.
+    pub fn read(arguments: &Arguments, pairs: Option<usize>, session: &Session) -> Result<Option<Self>> {
         let files = &arguments.particles;
         if files.is_empty() {
             return Ok(None);
         }
-        if files.len() != 2 * pairs {
+        if let Some(pairs) = pairs.filter(|pairs| files.len() != 2 * pairs) {
             let found =
                 format!("{} tables for {pairs} pair{} of volumes", files.len(), if pairs == 1 { "" } else { "s" });
             return Err(Error::new("--particles", found, "wanted two for every pair, in the same order"));
         }
-        let tables = files.iter().map(|file| table(file, session)).collect::<Result<Vec<_>>>()?;
+        let read = files.iter().map(|file| table(file, session)).collect::<Result<Vec<_>>>()?;
+        let (tables, histories): (Vec<_>, Vec<_>) = read.into_iter().unzip();
         let names: Vec<String> = files.iter().map(|file| io::name(file)).collect();
         for (pair, names) in tables.chunks_exact(2).zip(names.chunks_exact(2)) {
             if pair[0] == pair[1] {
@@ -43,7 +45,12 @@ impl Tables {
                 ));
             }
         }
-        Ok(Some(Self { names, tables }))
+        Ok(Some(Self { names, tables, histories }))
+    }
+
+    /// The particles drawn as volumes.
+    pub fn volumes(&self) -> Result<Vec<JoinedVolume>> {
+        drawn::volumes(&self.tables, &self.names, &self.histories)
     }
 
     /// Decides the vectors of a field, and warns of particles that cannot do it well. Without a pair it warns and
@@ -101,14 +108,16 @@ impl Tables {
     }
 }
 
-/// The particles of a table of one frame.
-fn table(file: &Path, session: &Session) -> Result<Vec<Particle>> {
-    let particles = particles::open(file, session)?;
+/// The particles of a table of one frame, and the steps that it names.
+fn table(file: &Path, session: &Session) -> Result<(Vec<Particle>, History)> {
+    let text = io::open_text(file)?;
+    let particles = particles::read(&text).map_err(|refusal| refusal.about(io::name(file)))?;
+    particles::warn_unmarked(&text, &io::name(file), session);
     let refused = |found: String| Error::new(io::name(file), found, "wanted the particles of one frame");
     let Some(first) = particles.first() else { return Err(refused("no particle".to_owned())) };
     match particles.iter().find(|particle| particle.frame != first.frame) {
         Some(other) => Err(refused(format!("particles of frames {} and {}", first.frame, other.frame))),
-        None => Ok(particles),
+        None => Ok((particles, particles::history(&text))),
     }
 }
 

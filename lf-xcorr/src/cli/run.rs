@@ -12,8 +12,12 @@ const COLUMN: &str = "intensity";
 
 pub fn run(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
     check_outputs(arguments, session)?;
-    let (volumes, support) = session.phase("read", |_| Ok((volumes(arguments)?, support(arguments)?)))?;
-    let tables = Tables::read(arguments, volumes.len() / 2, session)?;
+    let (volumes, tables, support) = session.phase("read", |session| {
+        let given = volumes(arguments)?;
+        let tables = Tables::read(arguments, given.as_ref().map(|volumes| volumes.len() / 2), session)?;
+        let drawn = || tables.as_ref().map_or_else(|| Ok(Vec::new()), Tables::volumes);
+        Ok((given.map_or_else(drawn, Ok)?, tables, support(arguments)?))
+    })?;
     let mask = mask(arguments, support.as_ref(), &volumes[0])?;
     let named = |refused| named(refused, &volumes);
     let part = mask.part(volumes[0].grid()).map_err(named)?;
@@ -94,8 +98,11 @@ fn check_outputs(arguments: &Arguments, session: &Session) -> Result<()> {
     Ok(())
 }
 
-/// The volumes of all pairs, first and second in turn.
-fn volumes(arguments: &Arguments) -> Result<Vec<JoinedVolume>> {
+/// The volumes of all pairs, first and second in turn; None if no file is given.
+fn volumes(arguments: &Arguments) -> Result<Option<Vec<JoinedVolume>>> {
+    if arguments.files().next().is_none() {
+        return Ok(None);
+    }
     let mut volumes = JoinedVolume::open_all(arguments.files(), COLUMN)?;
     if volumes.len() != 2 {
         let found = format!("{} volumes", volumes.len());
@@ -107,7 +114,7 @@ fn volumes(arguments: &Arguments) -> Result<Vec<JoinedVolume>> {
         return Err(Error::new(names(&more, ", "), format!("{} volumes after --and", more.len()), "wanted pairs"));
     }
     volumes.extend(more);
-    Ok(volumes)
+    Ok(Some(volumes))
 }
 
 fn names(volumes: &[JoinedVolume], between: &str) -> String {
