@@ -4,7 +4,8 @@
 //! sees through each lenslet ([`ViewRays`]). A sum over a voxel's rays is one over sections, each through the lenslet
 //! that the ray meets. Counted from the voxel's own lenslet, this one depends only on the voxel's place in its
 //! lenslet's cell. Over a raster of such places, [`Walks`] list the few sections that change lenslets from one place to
-//! the next, and [`add_up`] sums many lenslets at once; [`spread`] takes light of voxels back to the views. [`Slices`] find each voxel's place on the raster.
+//! the next, and [`add_up`] sums many lenslets at once; [`spread`] takes light of voxels back to the views. [`Slices`]
+//! find each voxel's place on the raster.
 //!
 //! First file to open: `runs.rs`.
 

@@ -4,7 +4,7 @@ use super::plan::{LANES, LEAST};
 use super::walk::Walk;
 use crate::simd;
 
-/// What a view holds: whole-number shades, whose sums may wrap on the way, or light.
+/// The contents of a view: whole-number shades, whose sums may wrap on the way, or light.
 pub trait Addend: Copy {
     /// Its sum over sections.
     type Sum: Copy + Default;
@@ -197,6 +197,40 @@ mod tests {
                     "{case}: lane {lane} of {least} to {most}"
                 );
             }
+        }
+    }
+
+    /// Light spread over views, against a plain loop over every place of the walk and its views.
+    #[test]
+    fn light_is_spread_as_by_a_plain_loop() {
+        let mut random = 1u32;
+        let mut below = |most: u32| {
+            random = random.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            (random >> 8) % most
+        };
+        for case in 0..100 {
+            let mut current: Vec<i32> = (0..20).map(|section| section * 100 + below(30) as i32).collect();
+            let mut walk = Walk { reach: 3, start: current.clone(), steps: Vec::new(), changes: Vec::new() };
+            let [one, other] = [below(LANES as u32), below(LANES as u32)].map(|lane| lane as usize);
+            let [least, most] = [one.min(other), one.max(other)];
+            let (mut light, mut wanted) = (vec![0f32; 5 * LANES], vec![0f32; 2200]);
+            for place in 0..5 {
+                for _ in 0..if place > 0 { below(6) } else { 0 } {
+                    let section = below(20) as usize;
+                    let new = section as i32 * 100 + below(30) as i32;
+                    walk.changes.push([new, std::mem::replace(&mut current[section], new)]);
+                }
+                walk.steps.push(RasterStep { place, end: walk.changes.len() as u32 });
+                for lane in least..=most {
+                    let value = below(1000) as f32;
+                    light[place as usize * LANES + lane] = value;
+                    current.iter().for_each(|view| wanted[100 + *view as usize + lane] += value);
+                }
+            }
+            let mut views = vec![0f32; 2200];
+            spread(&walk, &light, 100, [least, most], &mut views);
+            // Sums of whole numbers are exact.
+            assert!(views == wanted, "{case}: lanes {least} to {most}");
         }
     }
 }
