@@ -2,8 +2,8 @@
 //!
 //! 1. [`io`] reads an input; [`camera`], [`image`], [`volume`], [`field`], [`particles`] and [`scene`] check it.
 //! 2. [`camera`] and its [`lattice`] of lenslets give the rays ([`optics`]); a [`grid`] places voxels in space.
-//! 3. [`light`] checks whether a frame was taken by its camera. [`weights`] give the pixels that a voxel lights and
-//!    [`flow`] moves particles; [`statistics`], [`linear`] and [`simd`] serve both.
+//! 3. [`light`] checks whether a frame was taken by its camera. [`views`] and [`weights`] give the pixels that a voxel
+//!    lights and [`flow`] moves particles; [`statistics`], [`linear`] and [`simd`] serve all.
 //! 4. [`volume`], [`image`] and [`field`] encode results with their [`history`], [`io`] writes them.
 //! 5. [`cli`] is what the command lines of all tools share; [`json`] names the mistakes in files that people write.
 //!
@@ -67,6 +67,7 @@ pub mod particles;
 pub mod scene;
 pub mod simd;
 pub mod statistics;
+pub mod views;
 pub mod volume;
 pub mod weights;
 

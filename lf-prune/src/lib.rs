@@ -14,7 +14,8 @@ mod plan;
 mod score;
 mod threshold;
 
-pub use options::{BRIGHT_THRESHOLDS, DARK_THRESHOLDS, FORGIVING, PruneOptions, Region, Score};
+pub use lf_core::views::Region;
+pub use options::{BRIGHT_THRESHOLDS, DARK_THRESHOLDS, FORGIVING, PruneOptions, Score};
 pub use plan::{PrunePlan, Support};
 pub use threshold::Automatic;
 

@@ -1,7 +1,5 @@
 //! The options of pruning.
 
-use std::ops::Range;
-
 /// How the pixels of a voxel become its score.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Score {
@@ -45,6 +43,3 @@ pub const BRIGHT_THRESHOLDS: f64 = 2.0;
 /// the threshold as a share of the usual one. Four rays in ten may then be dark: a real lens shows some sections
 /// elsewhere.
 pub const FORGIVING: [f64; 2] = [0.35, 0.5];
-
-/// The voxels of a slice that are scored, along x and y.
-pub type Region = [Range<usize>; 2];

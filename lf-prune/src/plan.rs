@@ -1,7 +1,8 @@
 //! Pruning before it runs, with its views and its memory; the run itself; and the voxels kept.
 
-use crate::options::{PruneOptions, Region};
-use crate::score::{Scorer, Sections, Shades, ViewsPlan, thread_bytes};
+use crate::options::PruneOptions;
+use crate::score::{Scorer, Shades, thread_bytes, views_bytes};
+use lf_core::views::{Region, Sections, ViewsPlan};
 use lf_core::{Camera, Grid, Refusal, io, weights::check_depth};
 use ndarray::ArrayView2;
 use rayon::prelude::*;
@@ -109,7 +110,7 @@ impl<'a> PrunePlan<'a> {
     /// Peak bytes in use beside the image of `pixels` pixels, if `kept` voxels are kept.
     pub fn bytes(&self, pixels: usize, kept: f64) -> u64 {
         let pixels = pixels as f64;
-        let views = self.views.bytes(self.sections.count());
+        let views = views_bytes(&self.views, &self.sections);
         let threads = rayon::current_num_threads().min(self.grid.shape[2]) as f64;
         let slice = self.regions.iter().map(|[x, y]| x.len() * y.len()).max().unwrap_or(0);
         let thread = thread_bytes(self.camera, self.grid, &self.sections, &self.views, slice);

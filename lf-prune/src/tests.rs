@@ -1,9 +1,10 @@
 //! Pruning against single rays, for every kind of camera.
 
 use super::*;
-use crate::score::{Oracle, Scorer, Sections, Shades, Tolerance, ViewsPlan};
+use crate::score::{Oracle, Scorer, Shades, Tolerance};
 use glam::DVec2;
 use lf_core::camera::{Distortion, Medium, Tilt};
+use lf_core::views::{Sections, ViewsPlan};
 use lf_core::{Camera, Grid, Optics, Refusal, Tile, lattice::Centres};
 use ndarray::{Array2, s};
 
@@ -87,7 +88,8 @@ fn compare(
     let sections = all.lit(image.view(), camera, grid).0;
     let count = sections.count();
     let shades = Shades::new(image.view(), 1.0, count, options);
-    let scorer = Scorer::new(&shades, &sections, camera, grid, &ViewsPlan::new(camera, grid));
+    let plan = ViewsPlan::new(camera, grid);
+    let scorer = Scorer::new(&shades, &sections, camera, grid, &plan);
     let oracle = Oracle::new(&scorer, &shades, &sections, camera, tolerance);
     let mut compared = Compared::default();
     for z in slices {
@@ -340,7 +342,8 @@ fn voxels_are_scored_within_a_quarter() {
     let sections = Sections::new(&camera, options.sections).unwrap();
     let image = speckle();
     let shades = Shades::new(image.view(), 1.0, sections.count(), &options);
-    let scorer = Scorer::new(&shades, &sections, &camera, &grid, &ViewsPlan::new(&camera, &grid));
+    let plan = ViewsPlan::new(&camera, &grid);
+    let scorer = Scorer::new(&shades, &sections, &camera, &grid, &plan);
     let oracle = Oracle::new(&scorer, &shades, &sections, &camera, STRAIGHT);
     let steps_mm = (0..grid.shape[0]).filter_map(|x| oracle.to_raster_mm(DVec2::new(x as f64, 7.0), 2));
     let farthest = steps_mm.fold(0f64, |most, step| most.max(step.abs().max_element()));

@@ -1,16 +1,16 @@
-//! In: images, their cameras, and a volume of each. Out: particles with uncertainties, the size of particles, the drift
-//! of each camera, and the poses of further ones.
+//! In: images, their cameras, and a support or a volume of each. Out: particles with uncertainties, the size of
+//! particles, the drift of each camera, and the poses of further ones.
 //! First file to open: `stages.rs`.
 //!
-//! The local maxima of the volume are the first particles. All are fitted together to the raw pixels by
-//! Levenberg-Marquardt, weighted by the noise ([`lf_core::particle_image`] has the model). Then particles are dropped,
-//! split and added where the likelihood asks for it. Cameras are a list. A camera alone is a list of one, whose pose is
-//! the identity.
+//! The local maxima of the volume, or of the light that sweeps find on the support, are the first particles. All are
+//! fitted together to the raw pixels by Levenberg-Marquardt, weighted by the noise ([`lf_core::particle_image`] has the
+//! model). Then particles are dropped, split and added where the likelihood asks for it. Cameras are a list. A camera
+//! alone is a list of one, whose pose is the identity.
 //!
 //! The way of an image through the fit, file by file. The way returns to `stages.rs` where a line begins with a stage:
 //!
 //! 1. `stages.rs`: `fit` runs the stages for each camera alone, then for all together.
-//! 2. Start: `cameras/view.rs` holds the image beside the expected counts, `search/candidates.rs` finds the particles.
+//! 2. Start: `cameras/view.rs` holds the image beside the expected counts, `start/` finds the particles.
 //! 3. Fit: `search/particles.rs` takes it tile by tile,
 //! 4. `search/tiles.rs` plans the windows of each tile on all sensors,
 //! 5. `model/window.rs` cuts them out of the images,
@@ -31,6 +31,7 @@ mod search;
 mod shared;
 mod solve;
 mod stages;
+mod start;
 
 pub use cameras::input::CameraInput;
 pub use cameras::lens::Correction;

@@ -14,7 +14,6 @@ use crate::cameras::view::{BEYOND_PX, CameraView, Cameras, depths_mm};
 use crate::model::buffers::FitBuffers;
 use crate::model::window::Window;
 use crate::particle::{FoundParticle, Particle};
-use crate::search::candidates;
 use crate::search::changes::Criteria;
 use crate::search::particles::{Members, Particles};
 use crate::search::tile_fit::{Changed, TileFit};
@@ -106,7 +105,7 @@ pub const EXPLAINED: f64 = 1.4;
 struct Schedule {
     /// Number of passes over the tiles that share the light out among the first particles.
     light_passes: usize,
-    /// Names of the first fits of all particles. They end earlier if the shared unknowns are settled.
+    /// Names of the first fits of all particles.
     first_fits: &'static [&'static str],
     /// Name of a round, and the smallest number of rounds.
     round: &'static str,
@@ -119,7 +118,7 @@ struct Schedule {
 
 const ALONE: Schedule = Schedule {
     light_passes: 2,
-    first_fits: &["first fit", "fit", "fit"],
+    first_fits: &["first fit"],
     round: "round",
     least_rounds: 2,
     last_change: "scan",
@@ -190,8 +189,7 @@ pub fn fit<'a>(
 pub(crate) fn start_alone<'a>(input: &'a CameraInput, options: &FitOptions) -> Result<Particles<'a>, Refusal> {
     // Find the candidates.
     let (camera, image) = (&input.camera, &input.image.pixels);
-    let (grid, indices, intensity) = input.voxels();
-    let mut list = candidates::maxima(grid, indices, intensity);
+    let mut list = input.first.clone();
     Refusal::unless(!list.is_empty(), || "no voxel is brighter than its neighbours", "wanted a volume of particles")?;
 
     // Scale their light to the image. That of the volume has no fixed scale.
@@ -199,7 +197,8 @@ pub(crate) fn start_alone<'a>(input: &'a CameraInput, options: &FitOptions) -> R
     let sum: f64 = list.iter().map(|particle| particle.light).sum();
     list.iter_mut().for_each(|particle| particle.light *= seen / sum);
     let noise = Noise::first(image.view(), options.noise.of(camera))?;
-    let view = CameraView::new(camera, image, options.shape.first(camera), depths_mm(camera, grid), noise)?;
+    let view =
+        CameraView::new(camera, image, options.shape.first(camera), depths_mm(camera, input.volume.grid()), noise)?;
     Particles::new(Cameras { views: vec![view] }, list)
 }
 
@@ -257,6 +256,8 @@ struct Stages<'a, 'o> {
     candidates: Vec<Particle>,
     /// Whether the shape has moved since all particles were fitted.
     is_stale: bool,
+    /// Whether the last fit of the shape came to its end.
+    is_settled: bool,
     doubts: Doubts,
 }
 
@@ -281,6 +282,7 @@ impl<'a, 'o> Stages<'a, 'o> {
             prior,
             candidates: Vec::new(),
             is_stale: false,
+            is_settled: true,
             doubts: Doubts::default(),
         }
     }
@@ -303,6 +305,10 @@ impl<'a, 'o> Stages<'a, 'o> {
             self.find_noise();
             self.align();
             self.report(name, changes);
+            // Particles that were missing may have kept the first fit of the shape from its end.
+            if round == 0 && !self.is_settled {
+                self.fit_shape()?;
+            }
             let count = changes.dropped + changes.split + changes.added;
             if round + 1 >= least_rounds && (count as f64) < QUIET * self.particles.list.len() as f64 {
                 break;
@@ -338,11 +344,8 @@ impl<'a, 'o> Stages<'a, 'o> {
             if n == 0 {
                 is_open = self.try_blur(maxima, FEWER)?;
             }
-            let is_settled = self.fit_shape()?;
+            self.fit_shape()?;
             self.align();
-            if is_settled && self.is_alone() {
-                break;
-            }
         }
         if is_open {
             self.fit("fit", FIRST_STEPS);
@@ -411,14 +414,14 @@ impl<'a, 'o> Stages<'a, 'o> {
         self.report(what, Changes { gain, ..Changes::default() });
     }
 
-    /// Fits the shape of the first camera. Returns whether the fit came to its end.
-    fn fit_shape(&mut self) -> Result<bool, Refusal> {
+    /// Fits the shape of the first camera.
+    fn fit_shape(&mut self) -> Result<(), Refusal> {
         let Particles { cameras, list, reach_px, .. } = &self.particles;
         let shape = cameras.first().shape;
         if !self.free.shapes(&shape).contains(&true) {
-            return Ok(true);
+            return Ok(());
         }
-        let Some(sample) = Sample::new(cameras, list, *reach_px, self.free)? else { return Ok(true) };
+        let Some(sample) = Sample::new(cameras, list, *reach_px, self.free)? else { return Ok(()) };
         let found = sample.fit()?;
         if found.shape.is_beyond(&cameras.first().shape, found.std_px) {
             self.particles.is_whole.fill(false);
@@ -427,7 +430,8 @@ impl<'a, 'o> Stages<'a, 'o> {
         self.set_shape(found.shape, found.std_px)?;
         let is_camera = self.free.lens.contains(&true);
         self.report(if is_camera { CAMERA_STEP } else { SHAPE_STEP }, Changes::default());
-        Ok(found.is_settled)
+        self.is_settled = found.is_settled;
+        Ok(())
     }
 
     fn set_shape(&mut self, shape: Shape, std_px: [f64; SHAPES]) -> Result<(), Refusal> {
@@ -457,7 +461,9 @@ impl<'a, 'o> Stages<'a, 'o> {
             self.fit_shape()?;
             self.fit("fit", FIRST_STEPS);
             let squares = |particles: &Particles| particles.cameras.first().sum_of_squares();
-            if squares(&self.particles) + GAIN > squares(&before) {
+            let first = self.particles.cameras.first();
+            let is_sure = first.shape.is_corrected(likely, first.shape_std_px);
+            if !is_sure || squares(&self.particles) + GAIN > squares(&before) {
                 (self.particles, self.free) = (before, free);
                 break;
             }

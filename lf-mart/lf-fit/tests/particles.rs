@@ -355,3 +355,19 @@ fn what_noise_does_not_explain_is_said() {
         assert!(gain == gain_counts && (chi2 > 1.4) == (gain == 1.0) && alike > 0.15, "{counts}");
     }
 }
+
+/// From the frame to the particles through a pipe. No volume stands between, and the threads change no byte.
+#[test]
+fn a_support_is_enough() {
+    let keys = ["camera.microlenses.layout=\"hexagonal\"", "truth=null", "frames=1", "particles.per_lenslet=0.2"];
+    let bench = bench(&keys);
+    bench.folder_run("lf-prune scene/frame-0000.exr -c scene/camera.json --pvr 2,2,20 --depth -5,5 -o support.lfv");
+    let call = "-i scene/frame-0000.exr -c scene/camera.json";
+    bench.feed(&format!("{call} -o drawn.lfv --particles found.csv"), bench.bytes("support.lfv")).done();
+    let (truth, found) = (table(&bench, "scene/particles.csv"), table(&bench, "found.csv"));
+    let share = matched(&truth, &found).len() as f64 / truth.len() as f64;
+    assert!(share >= 0.94 && found.len() as f64 <= 1.06 * truth.len() as f64, "{share}, {}", found.len());
+    assert!(Volume::open(&bench.path("drawn.lfv")).unwrap().count() > 0);
+    bench.done(&format!("support.lfv {call} --particles one.csv --threads 1"));
+    assert!(bench.bytes("one.csv") == bench.bytes("found.csv"));
+}

@@ -1,10 +1,9 @@
 //! Scores ray by ray: slow and obvious, to check the fast way.
 
-use super::cells::CORNERS;
 use super::scorer::Scorer;
-use super::sections::Sections;
 use super::shades::Shades;
 use glam::DVec2;
+use lf_core::views::Sections;
 use lf_core::{Camera, Optics};
 
 /// Distance that a ray of the fast way may have from the exact one.
@@ -24,6 +23,9 @@ pub(crate) struct Bounds {
     pub(crate) shades: [u32; 2],
     pub(crate) seen: [u32; 2],
 }
+
+/// Corners of a square about the origin with sides of 2.
+const CORNERS: [DVec2; 4] = [DVec2::ONE, DVec2::NEG_ONE, DVec2::new(1.0, -1.0), DVec2::new(-1.0, 1.0)];
 
 pub(crate) struct Oracle<'a> {
     scorer: &'a Scorer<'a>,
@@ -54,7 +56,7 @@ impl<'a> Oracle<'a> {
     /// The step on the perfect lattice, mm, from a voxel's chief ray to the place of the raster that stands for it.
     /// None if that place is uncertain.
     pub(crate) fn to_raster_mm(&self, voxel: DVec2, z: usize) -> Option<DVec2> {
-        let (rays, scale) = (self.scorer.rays(z), self.scorer.raster().scale());
+        let (rays, scale) = (self.scorer.slices.rays(z), self.scorer.slices.raster.scale());
         let place = rays.chief(voxel);
         let within = scale * place - (scale * place).floor();
         let is_sure =
@@ -64,7 +66,7 @@ impl<'a> Oracle<'a> {
 
     /// Sums over the rays of a voxel, moved to its place of the raster. None if that place is uncertain.
     pub(crate) fn bounds(&self, [x, y]: [usize; 2], z: usize) -> Option<Bounds> {
-        let grid = self.scorer.grid();
+        let grid = self.scorer.slices.grid;
         let step_mm = self.to_raster_mm(DVec2::new(x as f64, y as f64), z)?;
         let point_mm = DVec2::new(grid.centre_mm(0, x), grid.centre_mm(1, y));
         let lattice = self.optics.lattice();

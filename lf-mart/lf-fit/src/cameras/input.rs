@@ -1,7 +1,9 @@
 //! A camera as the fit gets it.
 
+use crate::particle::Particle;
+use crate::start::first;
 use lf_core::image::Frame;
-use lf_core::{Camera, Grid, Volume};
+use lf_core::{Camera, Refusal, Volume};
 
 /// A camera, its image, and the volume made from that image in the camera's own frame.
 pub struct CameraInput {
@@ -9,13 +11,27 @@ pub struct CameraInput {
     pub camera: Camera,
     /// Its image; NaN where a pixel is blind.
     pub image: Frame,
-    /// A volume with a column `intensity`.
+    /// A volume with a column `intensity`, or a support without.
     pub volume: Volume,
+    /// The first particles. The scale of their light is free.
+    pub(crate) first: Vec<Particle>,
 }
 
 impl CameraInput {
-    /// Grid, rising indices and intensities of the voxels.
-    pub fn voxels(&self) -> (&Grid, &[u64], &[f32]) {
-        (self.volume.grid(), self.volume.indices(), self.volume.column("intensity").unwrap_or_default())
+    /// Finds the first particles: the local maxima of the volume, or of the light that sweeps find on a support.
+    /// `done` gets the number of sweeps just finished.
+    pub fn new(camera: Camera, image: Frame, volume: Volume, done: impl Fn(u64)) -> Result<Self, Refusal> {
+        let first = first::particles(&camera, image.pixels.view(), &volume, done)?;
+        Ok(Self { camera, image, volume, first })
+    }
+
+    /// Number of sweeps of [`CameraInput::new`], and their bytes.
+    pub fn sweeps(camera: &Camera, volume: &Volume) -> Result<(usize, u64), Refusal> {
+        first::cost(camera, volume)
+    }
+
+    /// Number of first particles.
+    pub fn first_particles(&self) -> usize {
+        self.first.len()
     }
 }

@@ -13,6 +13,8 @@ use lf_core::{Camera, Refusal};
 /// Number of unknowns in a shape, the parameters of the camera last, and of those before.
 pub(crate) const SHAPES: usize = ANALYTIC + LENSES;
 pub(crate) const ANALYTIC: usize = 4;
+/// A parameter of the camera is off by at least this number of standard uncertainties.
+const SURE: f64 = 5.0;
 /// Smallest and largest size, pixels.
 const SIZES_PX: [f64; 2] = [0.15, 5.0];
 /// Smallest and largest blur, pixels. A smaller one cannot be seen, and has no slope to grow by.
@@ -80,6 +82,11 @@ impl Shape {
         let size = SIZES_PX.iter().find(|end| self.sigma_px == **end).map(|end| ("size", *end));
         let blur = self.blur_px.filter(|px| *px == BLURS_PX[1]).map(|px| ("blur", px));
         size.into_iter().chain(blur).collect()
+    }
+
+    /// Whether a parameter of the camera is surely off.
+    pub(crate) fn is_corrected(&self, lens: usize, std_px: [f64; SHAPES]) -> bool {
+        self.lens_px[lens].abs() > SURE * std_px[ANALYTIC + lens]
     }
 
     /// The parameters of the camera that were corrected; `std_px` are the standard uncertainties of the shape.

@@ -11,19 +11,20 @@ const FIT: &str = "Fit";
 const OUTPUT: &str = "Output";
 const EXPERIMENTS: &str = "For experiments";
 
-/// Image, camera and volume to particles, by a joint fit to the raw pixels
+/// Image, camera and support to particles, by a joint fit to the raw pixels
 #[derive(Parser)]
 #[command(
     name = "lf-fit",
     version,
     max_term_width = 100,
     after_help = "Examples, in out/ after scripts/demo:
-  lf-fit volume-0000.lfv -i scene/frame-0000.exr -c camera.json --particles particles-0000.csv
-  lf-mart support-0000.lfv -i scene/frame-0000.exr -c camera.json |
+  lf-fit support-0000.lfv -i scene/frame-0000.exr -c camera.json --particles particles-0000.csv
+  lf-prune scene/frame-0000.exr -c camera.json --pvr 2,2,20 --depth -5,5 |
       lf-fit -i scene/frame-0000.exr -c camera.json --particles particles.csv -o drawn.lfv"
 )]
 pub struct Arguments {
-    /// Volume (.lfv) of lf-mart, whose local maxima are the first particles; one for each camera
+    /// Support (.lfv) of lf-prune, or volume of lf-mart, whose local maxima are then the first particles; one for each
+    /// camera
     #[arg(default_value = "-")]
     pub volume: Vec<PathBuf>,
     /// Light-field image (EXR, TIFF, PNG); again for each further camera of the same moment

@@ -23,10 +23,12 @@ fn run(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
     let options = arguments.options()?;
     arguments.check_counts()?;
     check_files(arguments, session)?;
-    let inputs = inputs::open(arguments, session)?;
-    inputs::check(&inputs, arguments, &outputs(arguments), session)?;
+    let files = inputs::open(arguments, session)?;
+    inputs::check(&files, arguments, &outputs(arguments), session)?;
+    let (inputs, first_bytes) = inputs::start(files, arguments, session)?;
     let volume_name = |n: usize| io::name(&arguments.volume[n]);
     let bytes = fit::estimated_bytes(&inputs, &options).map_err(|(n, refusal)| refusal.about(volume_name(n)))?;
+    let bytes = bytes.max(first_bytes);
     let voxels: usize = inputs.iter().map(|input| input.volume.count()).sum();
     if arguments.estimate {
         session.print_estimate(bytes, &[("voxels", voxels as u64)], &[])?;

@@ -1,7 +1,6 @@
 //! In: the particles of a frame. Out: the particles after a fit of each tile, or after drops, splits and additions.
 //! First file to open: `particles.rs`.
 
-pub mod candidates;
 pub mod changes;
 pub mod particles;
 pub mod tile_fit;

@@ -3,7 +3,7 @@
 
 use super::shape_fit::Sample;
 use crate::cameras::lens::LENSES;
-use crate::cameras::shape::ANALYTIC;
+use crate::cameras::shape::Free;
 use crate::model::buffers::FitBuffers;
 use lf_core::Refusal;
 
@@ -14,16 +14,17 @@ const LEAST_SHARE: f64 = 0.01;
 const DAMPING: f64 = 1e-3;
 
 impl Sample<'_> {
-    /// The number of the camera's parameter that explains most; None if none explains enough. The sample has slopes by
-    /// all of them.
+    /// The number of the camera's parameter that explains most beside the shape; None if none explains enough. The
+    /// sample has slopes by all of them.
     pub(crate) fn cause(&self) -> Result<Option<usize>, Refusal> {
         let mut buffers = FitBuffers::default();
         let state = self.state(&self.cameras, &mut buffers)?;
         let found = self.equations(&state, DAMPING, &mut buffers);
-        let share = |k: usize| {
-            let k = ANALYTIC + k;
-            found.right[k].powi(2) / found.reduced[k][k] / found.squares
+        let with = |lens: Option<usize>| {
+            let free = Free { lens: std::array::from_fn(|k| Some(k) == lens), ..self.free };
+            found.fall(free.shapes(&self.cameras.first().shape))
         };
+        let share = |k: usize| (with(Some(k)) - with(None)) / found.squares;
         let best = (0..LENSES).max_by(|a, b| share(*a).total_cmp(&share(*b)));
         Ok(best.filter(|k| share(*k) > LEAST_SHARE))
     }

@@ -54,7 +54,7 @@ pub(crate) struct Sample<'a> {
     pub(super) cameras: Cameras<'a>,
     window: Window,
     particles: Vec<Particle>,
-    free: Free,
+    pub(super) free: Free,
 }
 
 /// Side of a square, px, that holds about [`SAMPLE`] of the frame's `particles`, or more if it is wide.
@@ -296,20 +296,7 @@ fn shape_step(
     reduced: &[[f64; SHAPES]; SHAPES],
 ) -> ([f64; SHAPES], [f64; SHAPES]) {
     loop {
-        let mut system = [0f64; SHAPES * SHAPES];
-        let mut step = [0f64; SHAPES];
-        for a in 0..SHAPES {
-            step[a] = if is_free[a] { right[a] } else { 0.0 };
-            for b in 0..SHAPES {
-                system[a * SHAPES + b] = match (is_free[a] && is_free[b], a == b) {
-                    (true, _) => reduced[a][b],
-                    (false, true) => 1.0,
-                    (false, false) => 0.0,
-                };
-            }
-        }
-        cholesky(&mut system, SHAPES);
-        solve(&system, &mut step);
+        let (system, mut step) = solved(is_free, right, reduced);
         // Move the particles along with the step that is taken.
         step.iter_mut().for_each(|step| *step = step.clamp(-STEP_PX, STEP_PX));
         let beyond = shape.beyond_range(step);
@@ -324,8 +311,39 @@ fn shape_step(
     }
 }
 
+/// The factored equations of the free unknowns, and their solution.
+fn solved(
+    is_free: [bool; SHAPES],
+    right: &[f64; SHAPES],
+    reduced: &[[f64; SHAPES]; SHAPES],
+) -> ([f64; SHAPES * SHAPES], [f64; SHAPES]) {
+    let mut system = [0f64; SHAPES * SHAPES];
+    let mut step = [0f64; SHAPES];
+    for a in 0..SHAPES {
+        step[a] = if is_free[a] { right[a] } else { 0.0 };
+        for b in 0..SHAPES {
+            system[a * SHAPES + b] = match (is_free[a] && is_free[b], a == b) {
+                (true, _) => reduced[a][b],
+                (false, true) => 1.0,
+                (false, false) => 0.0,
+            };
+        }
+    }
+    cholesky(&mut system, SHAPES);
+    solve(&system, &mut step);
+    (system, step)
+}
+
 /// A pixel of the window, and the derivatives of its counts by the shape.
 type Slopes = (u32, [f32; ANALYTIC]);
+
+impl Equations {
+    /// The fall of the squares that the free unknowns foresee.
+    pub(super) fn fall(&self, is_free: [bool; SHAPES]) -> f64 {
+        let (_, step) = solved(is_free, &self.right, &self.reduced);
+        (0..SHAPES).filter(|k| is_free[*k]).map(|k| self.right[k] * step[k]).sum()
+    }
+}
 
 /// A step of the shape, those of the particles, and the standard uncertainties of the shape.
 struct Step {
@@ -337,8 +355,8 @@ struct Step {
 /// Equations of the shape.
 pub(super) struct Equations {
     /// Right-hand side, and matrix.
-    pub(super) right: [f64; SHAPES],
-    pub(super) reduced: [[f64; SHAPES]; SHAPES],
+    right: [f64; SHAPES],
+    reduced: [[f64; SHAPES]; SHAPES],
     /// The particles' own steps, and those with a step of each unknown of the shape.
     own: Vec<[f64; UNKNOWNS]>,
     solved: [Vec<[f64; UNKNOWNS]>; SHAPES],

@@ -1,12 +1,13 @@
 //! Lattice coordinates: the centre of lenslet (i, j) is at (i, j), along two sides of the lattice.
 
+use crate::{Camera, lattice::Lattice};
 use glam::DVec2;
-use lf_core::{Camera, lattice::Lattice};
 
 /// Corners of a square about the origin with sides of 2.
 pub(super) const CORNERS: [DVec2; 4] = [DVec2::ONE, DVec2::NEG_ONE, DVec2::new(1.0, -1.0), DVec2::new(-1.0, 1.0)];
 
-pub(super) struct Cells {
+/// The lattice in its own coordinates.
+pub struct Cells {
     lattice: Lattice,
     /// Perfect centre of lenslet (0, 0), mm.
     origin_mm: DVec2,
@@ -90,7 +91,7 @@ impl Cells {
 
     /// A step on the perfect lattice, mm, from lattice coordinates.
     #[inline(always)]
-    pub(super) fn step_mm(&self, step: DVec2) -> DVec2 {
+    pub fn step_mm(&self, step: DVec2) -> DVec2 {
         step.x * self.sides_mm[0] + step.y * self.sides_mm[1]
     }
 

@@ -1,8 +1,8 @@
 //! The sections of the aperture that rays pass.
 
+use crate::light::{StopLight, Tones, fewest_particles};
+use crate::{Camera, Grid, Refusal, camera::Aperture, statistics::ranked, weights::sections};
 use glam::DVec2;
-use lf_core::light::{StopLight, Tones, fewest_particles};
-use lf_core::{Camera, Grid, Refusal, camera::Aperture, statistics::ranked, weights::sections};
 use ndarray::ArrayView2;
 
 /// A section is dark if its light is below this share of the upper quartile of all sections. On the scenes of
@@ -16,18 +16,18 @@ const SURE: f64 = 3.0;
 const FEWEST_PARTICLES: f64 = 4.0;
 
 /// The sections of the aperture.
-pub(crate) struct Sections {
+pub struct Sections {
     /// Centres along either axis, mm.
-    pub(super) centres_mm: Vec<f64>,
+    centres_mm: Vec<f64>,
     /// Whether rays through section (u, v) are traced, at `[v n + u]`.
     traced: Vec<bool>,
 }
 
 impl Sections {
     /// n x n sections: `asked`, or the number of pixels under a lenslet. Refuses n outside
-    /// [`lf_core::weights::SECTIONS`]. A section lies inside the stop if its centre does. A round stop has no
+    /// [`crate::weights::SECTIONS`]. A section lies inside the stop if its centre does. A round stop has no
     /// corner sections; if they counted, every voxel would be pruned.
-    pub(crate) fn new(camera: &Camera, asked: Option<usize>) -> Result<Self, Refusal> {
+    pub fn new(camera: &Camera, asked: Option<usize>) -> Result<Self, Refusal> {
         let n = sections(camera, asked)?;
         let half = 0.5 * camera.aperture_mm();
         let centres_mm: Vec<f64> = (0..n).map(|i| half * ((2 * i + 1) as f64 / n as f64 - 1.0)).collect();
@@ -42,7 +42,7 @@ impl Sections {
     /// The sections that let light through in this image, by [`LIT_SHARE`], and the number of the others that are
     /// surely closed. A smaller stop than the camera says, or a shadow in it, leaves sections dark for every voxel. So
     /// do a few particles; these sections are not surely closed. If the image has no light, all count as lit.
-    pub(crate) fn lit(&self, image: ArrayView2<f32>, camera: &Camera, grid: &Grid) -> (Self, u32) {
+    pub fn lit(&self, image: ArrayView2<f32>, camera: &Camera, grid: &Grid) -> (Self, u32) {
         let tones = Tones::new(image);
         let StopLight { means, samples } = StopLight::new(image, camera, &tones, &self.traced_mm());
         let usual = ranked(&mut means.clone(), means.len() * 3 / 4).unwrap_or(0.0);
@@ -58,12 +58,12 @@ impl Sections {
     }
 
     /// Number of sections that are traced.
-    pub(crate) fn count(&self) -> u32 {
+    pub fn count(&self) -> u32 {
         self.traced.iter().filter(|traced| **traced).count() as u32
     }
 
     /// Centres of the traced sections, mm, row by row.
-    pub(super) fn traced_mm(&self) -> Vec<DVec2> {
+    pub fn traced_mm(&self) -> Vec<DVec2> {
         let n = self.centres_mm.len();
         let traced = (0..n * n).filter(|place| self.traced[*place]);
         traced.map(|place| DVec2::new(self.centres_mm[place % n], self.centres_mm[place / n])).collect()

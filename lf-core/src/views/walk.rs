@@ -4,9 +4,9 @@
 //! cell. From one place to the next few rays change lenslets, so sums are updated by these changes.
 
 use super::cells::{CellShape, Cells, nearest_hexagon, nearest_square, round};
-use super::views::ViewsPlan;
+use super::plan::ViewsPlan;
+use crate::simd;
 use glam::DVec2;
-use lf_core::simd;
 
 /// Largest number of lenslets along i or j from a ray that starts in the cell (0, 0) to (1, 1) to the nearest centre.
 pub(super) const BESIDE: i32 = 2;
@@ -14,17 +14,19 @@ pub(super) const BESIDE: i32 = 2;
 /// The raster: 2^bits places along the sides i and j of a lattice's cell. A place stands for the part of the cell
 /// around it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Raster {
-    pub(super) bits: [u32; 2],
+pub struct Raster {
+    /// Logarithms of the numbers of places along i and j, to base 2.
+    pub bits: [u32; 2],
 }
 
 impl Raster {
-    pub(super) fn places(self) -> usize {
+    /// Number of places.
+    pub fn places(self) -> usize {
         1 << (self.bits[0] + self.bits[1])
     }
 
     /// Places along each side of the cell.
-    pub(super) fn scale(self) -> DVec2 {
+    pub fn scale(self) -> DVec2 {
         DVec2::from(self.bits.map(|bits| f64::from(1 << bits)))
     }
 
@@ -53,9 +55,10 @@ pub(super) struct RasterStep {
     pub(super) end: u32,
 }
 
-pub(super) struct Walk {
+/// A walk over the places of the raster.
+pub struct Walk {
     /// Largest number of lenslets along i or j from the voxel's own to another that its rays meet.
-    pub(super) reach: i32,
+    pub reach: i32,
     /// Place of each section's view through its lenslet, counted from the first view through the voxel's own.
     pub(super) start: Vec<i32>,
     pub(super) steps: Vec<RasterStep>,

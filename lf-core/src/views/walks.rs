@@ -2,10 +2,10 @@
 //! place.
 
 use super::chiefs::LatticeRays;
-use super::views::{LANES, LEAST, ViewsPlan};
+use super::plan::{LANES, LEAST, ViewsPlan};
 use super::walk::{Raster, RasterStep, Walk};
+use crate::Camera;
 use glam::DVec2;
-use lf_core::Camera;
 use std::ops::Range;
 
 /// Largest error of a ray through the stop's rim against its chief ray, px on the array, if the rays in the middle of
@@ -17,7 +17,8 @@ const BLOCKS: [usize; 7] = [1, 2, 4, 8, 16, 32, 64];
 /// Blocks along an axis at which a number of blocks is tested.
 const TRIED: usize = 5;
 
-pub(super) struct Walks<'a> {
+/// The walks of a slice, each made when it is first asked for.
+pub struct Walks<'a> {
     rays: &'a LatticeRays<'a>,
     sections_mm: &'a [DVec2],
     raster: Raster,
@@ -30,7 +31,8 @@ pub(super) struct Walks<'a> {
 }
 
 impl<'a> Walks<'a> {
-    pub(super) fn new(
+    /// The walks for these sections.
+    pub fn new(
         rays: &'a LatticeRays,
         camera: &Camera,
         sections_mm: &'a [DVec2],
@@ -46,7 +48,7 @@ impl<'a> Walks<'a> {
     }
 
     /// Cuts the lanes from `least` to `most` of a group into parts that share a walk.
-    pub(super) fn parts(&self, [least, most]: [usize; 2]) -> impl Iterator<Item = [usize; 2]> + use<> {
+    pub fn parts(&self, [least, most]: [usize; 2]) -> impl Iterator<Item = [usize; 2]> + use<> {
         let side = self.side[0].min(LANES);
         (least / side..=most / side).map(move |part| [least.max(part * side), most.min((part + 1) * side - 1)])
     }
@@ -57,7 +59,7 @@ impl<'a> Walks<'a> {
     }
 
     /// Bytes of all walks that are held at once.
-    pub(super) fn bytes(&self) -> f64 {
+    pub fn bytes(&self) -> f64 {
         let (_, size) = self.plan.voxel_lenslets();
         let walks = self.held() * size[1].div_ceil(self.side[1]);
         // Count the changes: on a line of places each ray leaves every part of a cell once, 1.5 times in a hexagon.
@@ -68,7 +70,7 @@ impl<'a> Walks<'a> {
     }
 
     /// The walk for a lane, counted along all groups, in a row of lenslets. It is fastest if groups never decrease.
-    pub(super) fn of(&mut self, lane: usize, row: usize) -> &Walk {
+    pub fn of(&mut self, lane: usize, row: usize) -> &Walk {
         let (block, block_row) = (lane / self.side[0], row / self.side[1]);
         let (_, size) = self.plan.voxel_lenslets();
         if self.walks.is_empty() || !self.blocks.contains(&block) {

@@ -5,8 +5,8 @@
 
 use super::cells::Cells;
 use super::walk::Raster;
+use crate::{Camera, Grid, Optics};
 use glam::DVec2;
-use lf_core::{Camera, Grid, Optics};
 
 /// Largest error of a chief ray between the nodes of the mesh, px on the array.
 const LINEAR_PX: f64 = 0.04;
@@ -21,9 +21,10 @@ pub(super) const FRACTION: u32 = 18;
 const BACK_STEPS: usize = 4;
 
 /// The rays from one slice of voxels to the lattice.
-pub(super) struct LatticeRays<'a> {
+pub struct LatticeRays<'a> {
     pub(super) optics: &'a Optics,
-    pub(super) cells: &'a Cells,
+    /// The lattice.
+    pub cells: &'a Cells,
     pub(super) grid: &'a Grid,
     pub(super) z_mm: f64,
 }
@@ -41,7 +42,8 @@ impl<'a> LatticeRays<'a> {
         self.cells.place(self.optics.array_from_object(point_mm, self.z_mm, stop_mm))
     }
 
-    pub(super) fn chief(&self, voxel: DVec2) -> DVec2 {
+    /// Lattice coordinates of the chief ray from a place in voxels.
+    pub fn chief(&self, voxel: DVec2) -> DVec2 {
         self.place(voxel, DVec2::ZERO)
     }
 
