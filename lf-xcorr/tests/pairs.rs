@@ -135,14 +135,14 @@ fn tables_alone_make_a_field() {
     let bench = workbench();
     save_tables(&bench);
     for name in ["a", "b"] {
-        let table = particles::read(&bench.text(&format!("{name}.csv"))).unwrap();
+        let table = particles::read(&bench.text(format!("{name}.csv"))).unwrap();
         let row = |particle: &Particle| {
             let [x, y, z] = particle.place_mm;
             format!("{z},{},{y}\n", 1e3 * x)
         };
         let rows: String = table.iter().map(row).collect();
         let text = format!("{FRAME_LINE}\nz_mm,x_um,y_mm\n{rows}");
-        std::fs::write(bench.path(&format!("{name}-own.csv")), text).unwrap();
+        std::fs::write(bench.path(format!("{name}-own.csv")), text).unwrap();
     }
     bench.done(&["--particles", "a-own.csv", "b-own.csv", "-o", "own.exr", "--tracks", "t.csv"]);
     let field = Field::open(&bench.path("own.exr")).unwrap();
