@@ -51,7 +51,7 @@ pub fn report_fill(fill: Option<&Fill>, camera: &Camera, is_kept: bool, session:
     if apart > NOTABLE_FILL && apart > SURE * uncertainty {
         let (what, share) = if measured_px < pitch_px { ("underfill", "unused") } else { ("overfill", "shared") };
         session.warn(format!(
-            "lenslet images {what} the pitch: {measured_px:.2} of {pitch_px:.2} px, {:.0} +- {:.0} % {share}; f-number {:.2} \
+            "lenslet images {what} the pitch: {measured_px:.2} of {pitch_px:.2} px, {:.1} +- {:.1} % {share}; f-number {:.2} \
              would match",
             100.0 * apart,
             100.0 * uncertainty,

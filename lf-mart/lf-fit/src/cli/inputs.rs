@@ -60,8 +60,10 @@ pub fn start(files: Vec<Files>, arguments: &Arguments, session: &mut Session) ->
         let name = io::name(&arguments.volume[n]);
         let about = |refusal: Refusal| refusal.about(name.clone());
         let (sweeps, bytes) = CameraInput::sweeps(&camera, &volume).map_err(about)?;
-        let what = || format!("sweeps over {} voxels", volume.count());
-        cli::check_memory(arguments.memory, bytes as f64, name.clone(), what)?;
+        if sweeps > 0 {
+            let what = || format!("sweeps over {} voxels", volume.count());
+            cli::check_memory(arguments.memory, bytes as f64, name.clone(), what)?;
+        }
         let input = session.phase("start", |session| {
             let progress = session.progress("sweeps", sweeps as u64);
             CameraInput::new(camera, image, volume, |done| progress.add(done)).map_err(about)
