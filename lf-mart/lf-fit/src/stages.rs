@@ -9,7 +9,7 @@ use crate::cameras::lens::LENSES;
 use crate::cameras::matching;
 use crate::cameras::noise::{KnownNoise, Noise};
 use crate::cameras::residual::Residual;
-use crate::cameras::shape::{Free, SHAPES, Shape};
+use crate::cameras::shape::{Free, Shape};
 use crate::cameras::view::{BEYOND_PX, CameraView, Cameras, depths_mm};
 use crate::model::buffers::FitBuffers;
 use crate::model::window::Window;
@@ -294,7 +294,10 @@ impl<'a, 'o> Stages<'a, 'o> {
         self.first_fits(&maxima)?;
         if self.correct_camera()? {
             // Particles found with the wrong camera may be wrong.
-            self.begin_anew(&maxima)?;
+            let Shape { lens_px, drift_px, .. } = self.particles.cameras.first().shape;
+            let first = self.options.shape.first(self.particles.cameras.first().camera);
+            self.particles = self.anew(Shape { lens_px, drift_px, ..first }, &maxima)?;
+            self.doubts = Doubts::default();
             self.first_fits(&maxima)?;
             self.correct_camera()?;
         }
@@ -362,7 +365,7 @@ impl<'a, 'o> Stages<'a, 'o> {
     /// may be `most` times as many. The misfit does not show it, because the noise is found too. Returns whether a blur
     /// does better, but not with so few particles.
     fn try_blur(&mut self, maxima: &[Particle], most: f64) -> Result<bool, Refusal> {
-        let CameraView { camera, image, depth_mm, noise, shape, .. } = *self.particles.cameras.first();
+        let shape = self.particles.cameras.first().shape;
         if !self.is_alone() || !self.options.free.blur || shape.blur_px.is_some() {
             return Ok(false);
         }
@@ -371,8 +374,7 @@ impl<'a, 'o> Stages<'a, 'o> {
         let cost = |particles: &Particles| particles.cameras.first().sum_of_squares() + GAIN * count(particles);
         // A size that was found without a blur is too large.
         let shape = Shape { sigma_px: self.options.shape.sigma_px, ..shape.blurred() };
-        let view = CameraView::new(camera, image, shape, depth_mm, noise)?;
-        let blurred = Particles::new(Cameras { views: vec![view] }, maxima.to_vec())?;
+        let blurred = self.anew(shape, maxima)?;
         let sharp = std::mem::replace(&mut self.particles, blurred);
         let faint = std::mem::take(&mut self.candidates);
         self.share_light();
@@ -427,24 +429,12 @@ impl<'a, 'o> Stages<'a, 'o> {
             self.particles.is_whole.fill(false);
             self.is_stale = true;
         }
-        self.set_shape(found.shape, found.std_px)?;
+        self.particles.cameras.views[0].set_shape(found.shape, found.std_px)?;
+        self.particles.render();
         let is_camera = self.free.lens.contains(&true);
         self.report(if is_camera { CAMERA_STEP } else { SHAPE_STEP }, Changes::default());
         self.is_settled = found.is_settled;
         Ok(())
-    }
-
-    fn set_shape(&mut self, shape: Shape, std_px: [f64; SHAPES]) -> Result<(), Refusal> {
-        self.particles.cameras.views[0].set_shape(shape, std_px)?;
-        self.particles.render();
-        Ok(())
-    }
-
-    /// How much larger variances are than those of noise alone; 1 if noise explains the image.
-    fn excess(&self) -> f64 {
-        let cameras = &self.particles.cameras;
-        let misfit = cameras.misfit();
-        cameras.residual().excess() * if misfit > EXPLAINED { misfit } else { 1.0 }
     }
 
     /// Fits parameters of a camera that does not explain its image, one after another, the likeliest first. Returns
@@ -472,15 +462,11 @@ impl<'a, 'o> Stages<'a, 'o> {
         Ok(self.free.lens != given)
     }
 
-    /// Begins again at the maxima, with the camera as it is corrected.
-    fn begin_anew(&mut self, maxima: &[Particle]) -> Result<(), Refusal> {
-        let CameraView { camera, image, depth_mm, noise, shape, .. } = *self.particles.cameras.first();
-        let shape = Shape { lens_px: shape.lens_px, drift_px: shape.drift_px, ..self.options.shape.first(camera) };
+    /// The maxima, before any of them is fitted, for the first camera with another shape.
+    fn anew(&self, shape: Shape, maxima: &[Particle]) -> Result<Particles<'a>, Refusal> {
+        let CameraView { camera, image, depth_mm, noise, .. } = *self.particles.cameras.first();
         let view = CameraView::new(camera, image, shape, depth_mm, noise)?;
-        self.particles = Particles::new(Cameras { views: vec![view] }, maxima.to_vec())?;
-        self.candidates.clear();
-        self.doubts = Doubts::default();
-        Ok(())
+        Particles::new(Cameras { views: vec![view] }, maxima.to_vec())
     }
 
     /// Fits light and pose of further cameras.
@@ -595,7 +581,7 @@ impl<'a, 'o> Stages<'a, 'o> {
         self.particles.wake_where(|_| true);
         let (misfit, residual) = (self.particles.cameras.misfit(), self.particles.cameras.residual());
         let mut particles = self.particles.uncertainties(self.prior);
-        let excess = self.excess();
+        let excess = residual.excess() * if misfit > EXPLAINED { misfit } else { 1.0 };
         if excess > 1.0 {
             // Errors of the model are errors of the places too.
             particles.iter_mut().for_each(|particle| particle.widen(excess));

@@ -253,14 +253,15 @@ impl<'a> Sample<'a> {
             }
         }
         let is_free = self.free.shapes(&self.cameras.first().shape);
+        let none = || vec![[0.0; UNKNOWNS]; state.images.len()];
         let mixed: [Vec<[f64; UNKNOWNS]>; SHAPES] =
-            std::array::from_fn(|a| self.mixed(&state.images, |n| state.by_shape[n][a], buffers));
+            std::array::from_fn(|a| if is_free[a] { self.mixed(state, a, buffers) } else { none() });
         // Eliminate the particles.
         let own = conjugate_gradients(&normal, &normal.gradient, damping, DEEP);
         // Unfinished solutions make the shape's steps shorter, never longer.
         let solved: [Vec<[f64; UNKNOWNS]>; SHAPES] = std::array::from_fn(|a| match is_free[a] {
             true => conjugate_gradients(&normal, &mixed[a], damping, DEEP),
-            false => vec![[0.0; UNKNOWNS]; own.len()],
+            false => none(),
         });
         buffers.wipe();
         let right = std::array::from_fn(|a| gradient[a] - dot(&mixed[a], &own));
@@ -269,21 +270,16 @@ impl<'a> Sample<'a> {
     }
 
     /// Products of the slopes of each pixel's counts by a shared unknown with the derivatives of each particle.
-    fn mixed(
-        &self,
-        images: &[ParticleImage],
-        slope: impl Fn(usize) -> f32 + Sync,
-        buffers: &FitBuffers,
-    ) -> Vec<[f64; UNKNOWNS]> {
+    fn mixed(&self, state: &State, unknown: usize, buffers: &FitBuffers) -> Vec<[f64; UNKNOWNS]> {
         let one = |image: &ParticleImage| {
             let mut sum = [0f64; UNKNOWNS];
             image.pixels(self.window.columns, |n, pixel| {
-                let weighed = buffers.weight[n] * slope(n);
+                let weighed = buffers.weight[n] * state.by_shape[n][unknown];
                 (0..UNKNOWNS).for_each(|k| sum[k] += f64::from(weighed * pixel[k]));
             });
             sum
         };
-        images.iter().map(one).collect()
+        state.images.iter().map(one).collect()
     }
 }
 
