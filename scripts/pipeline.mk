@@ -61,8 +61,9 @@ ITERATIONS =
 PRUNE_FLAGS =
 MART_FLAGS =
 
-# FIT: lf-fit finds the particles of every volume, and those found in both frames of a pair decide the vectors. 0: the
-# correlation alone decides.
+# FIT: lf-fit finds the particles of every frame and draws them as a volume. Those found in both frames of a pair decide
+# the vectors. 0: lf-mart reconstructs the volumes, and their correlation alone decides. With another program as MART,
+# its volumes are correlated, and lf-fit begins at them.
 FIT = 1
 FIT_FLAGS =
 
@@ -145,7 +146,9 @@ LOG = $(OUT)/log
 supports := $(names:%=$(OUT)/support-%.lfv)
 volumes := $(names:%=$(OUT)/volume-%.lfv)
 fits := $(filter-out 0,$(FIT))
-fitted := $(if $(fits),$(names:%=$(OUT)/particles-%.csv))
+# Whether lf-fit draws the volumes; otherwise it reads them, and makes a table of each.
+draws := $(if $(fits),$(filter lf-mart,$(notdir $(MART))))
+fitted := $(if $(draws),,$(if $(fits),$(names:%=$(OUT)/particles-%.csv)))
 fields := $(pairs:%=$(OUT)/field-%.exr)
 flows := $(if $(FLOW),$(pairs:%=$(OUT)/flow-%.exr))
 results := $(or $(flows),$(fields))
@@ -167,7 +170,7 @@ all:
 calibrate: $(CAMERA)
 prune: $(supports)
 reconstruct: $(volumes)
-fit: $(fitted)
+fit: $(or $(fitted),$(if $(fits),$(volumes)))
 fields: $(fields)
 flows: $(results)
 ifeq ($(WINDOWS),)
@@ -244,18 +247,24 @@ $(supports): $(OUT)/support-%.lfv: $$(call given,$$*) | $(LOG)
 	    $(addprefix --bounds ,$(BOUNDS)) $(call preset,$(PRUNE)) $(addprefix --threshold ,$(THRESHOLD)) $(PRUNE_FLAGS),\
 	    $(OUT)/volume-$*.lfv $(call fields-of,$*))
 
+# lf-fit writes its table, --particles, before the volume.
+fitting = $(FITTER) $< -i $(call frame-of,$1) -c $(CAMERA) $(call subtract,$1) $(colour) $(FIT_FLAGS)
+table-of = $(OUT)/particles-$1.csv
 $(volumes): $(OUT)/volume-%.lfv: $(OUT)/support-%.lfv $$(call given,$$*) | $(LOG)
+ifneq ($(draws),)
+	$(call step,$(call fitting,$*) --particles $(call table-of,$*),$(call table-of,$*) $(call fields-of,$*))
+else
 	$(call step,$(MART) $< -i $(call frame-of,$*) -c $(CAMERA) $(call subtract,$*) $(colour) $(call preset,$(MART)) \
 	    $(addprefix --iterations ,$(ITERATIONS)) $(call sweeps,$*) $(MART_FLAGS),$(call fields-of,$*))
+endif
 	$(if $(TIDY),@rm -f $<)
 
 volumes-of = $(foreach name,$(call split,$1),$(OUT)/volume-$(name).lfv)
-fitted-of = $(if $(fits),$(foreach name,$(call split,$1),$(OUT)/particles-$(name).csv))
+tables-of = $(if $(fits),$(call each,table-of,$(call split,$1)))
+fitted-of = $(filter $(fitted),$(call tables-of,$1))
 
-# lf-fit names its table --particles; -o is a volume that is drawn from it.
 $(fitted): $(OUT)/particles-%.csv: $(OUT)/volume-%.lfv $$(call given,$$*) | $(LOG)
-	$(call step,$(FITTER) $< -i $(call frame-of,$*) -c $(CAMERA) $(call subtract,$*) $(colour) $(FIT_FLAGS),\
-	    $(call fields-of,$*),--particles)
+	$(call step,$(call fitting,$*),$(call fields-of,$*),--particles)
 
 # The fields of all pairs need the same windows to be averaged, so the first pair that can be reconstructed decides.
 estimate = $(RUN) $(BIN)lf-xcorr $$volumes $(XCORR_FLAGS) --threads $(THREADS) --estimate
@@ -268,7 +277,7 @@ windows:
 	done; [ -e $(WINDOWS) ])
 
 $(fields): $(OUT)/field-%.exr: $$(call volumes-of,$$*) $$(call fitted-of,$$*) | $(LOG)
-	$(call step,$(XCORR) $(call volumes-of,$*) $(if $(fits),--particles $(call fitted-of,$*)) $(addprefix --initial-mm ,$(INITIAL_MM)) \
+	$(call step,$(XCORR) $(call volumes-of,$*) $(if $(fits),--particles $(call tables-of,$*)) $(addprefix --initial-mm ,$(INITIAL_MM)) \
 	    $(if $(WINDOWS),$$(cat $(WINDOWS)),$(addprefix --window-mm ,$(WINDOW_MM))) $(addprefix --dt ,$(DT)) \
 	    $(XCORR_FLAGS) --plot $(@:.exr=.svg),$(call flow-of,$*))
 
@@ -282,8 +291,8 @@ list:
 	$(info calibrate $(CAMERA) $(NOMINAL) $(WHITE) $(targets) $(if $(REFINE),$(drifting)))
 	$(foreach file,$(filter $(OUT)/background-%,$(sort $(call each,background-of,$(names)))),$(info background $(file) $(NOMINAL)))
 	$(foreach name,$(names),$(info prune $(OUT)/support-$(name).lfv $(call given,$(name))))
-	$(foreach name,$(names),$(info mart $(OUT)/volume-$(name).lfv $(OUT)/support-$(name).lfv $(call given,$(name))))
-	$(if $(fits),$(foreach name,$(names),$(info fit $(OUT)/particles-$(name).csv $(OUT)/volume-$(name).lfv $(call given,$(name)))))
+	$(foreach name,$(names),$(info volume $(OUT)/volume-$(name).lfv $(OUT)/support-$(name).lfv $(call given,$(name))))
+	$(if $(fitted),$(foreach name,$(names),$(info fit $(OUT)/particles-$(name).csv $(OUT)/volume-$(name).lfv $(call given,$(name)))))
 	$(if $(WINDOWS),$(info windows $(WINDOWS) $(call volumes-of,$(first-pair))))
 	$(foreach pair,$(pairs),$(info xcorr $(OUT)/field-$(pair).exr $(call volumes-of,$(pair)) $(call fitted-of,$(pair)) $(WINDOWS)))
 	$(if $(FLOW),$(foreach pair,$(pairs),$(info flow $(OUT)/flow-$(pair).exr $(OUT)/field-$(pair).exr)))
@@ -326,7 +335,7 @@ report: $(if $(there),$(OUT)/mean.exr) | $(LOG)
 	        elif [ ! -e $(OUT)/support-$$n.lfv ]; then why=$$(last support-$$n); \
 	        else why=$$(last volume-$$n); fi; \
 	    done; \
-	    $(if $(fits),for n in $${pair%-*} $${pair#*-}; do \
+	    $(if $(fitted),for n in $${pair%-*} $${pair#*-}; do \
 	        [ -n "$$why" ] || [ -e $(OUT)/particles-$$n.csv ] || why=$$(last particles-$$n); \
 	    done;) \
 	    [ -n "$$why" ] || [ -e $(OUT)/field-$$pair.exr ] || why=$$(last field-$$pair); \

@@ -87,15 +87,14 @@ view.set_title("the same part of the white image")
 picture("2-white.png", view)
 
 # 4. Particles.
-# lf-prune keeps the voxels from which every ray meets light: one of twelve here. lf-mart finds how bright each of
-# them is, by comparing what they would send to the sensor with what the sensor saw. lf-fit finds single particles in
-# the result and fits them to the pixels, with their uncertainty.
+# lf-prune keeps the voxels from which every ray meets light: one of twelve here. lf-fit finds single particles there
+# and fits them to the pixels, with their uncertainty. It also draws them as a volume.
 grid = {"pvr": VOXEL_PX, "depth": DEPTH_MM, "bounds": SIDES_MM}
 for n in (0, 1):
     image = {"image": at(f"scene/frame-000{n}.exr"), "camera": at("camera.json")}
     lf.run("lf-prune", image["image"], camera=image["camera"], **grid, output=at(f"support-{n}.lfv"))
-    lf.run("lf-mart", at(f"support-{n}.lfv"), **image, output=at(f"volume-{n}.lfv"))
-    lf.run("lf-fit", at(f"volume-{n}.lfv"), **image, particles=at(f"particles-{n}.csv"))
+    found = {"particles": at(f"particles-{n}.csv"), "output": at(f"volume-{n}.lfv")}
+    lf.run("lf-fit", at(f"support-{n}.lfv"), **image, **found)
 picture("3-volume.png", lf.show(at("volume-0.lfv"), "y"))
 picture("4-particles.png", lf.show(at("particles-0.csv")))
 particles = lf.read(at("particles-0.csv"))

@@ -22,6 +22,7 @@ use crate::shared::align::align;
 use crate::shared::shape_fit::Sample;
 use crate::solve::covariance::Prior;
 use crate::solve::joint::StopRule;
+use crate::solve::untold::widen;
 use lf_core::Refusal;
 use lf_core::camera::Pose;
 
@@ -83,6 +84,8 @@ pub struct Fit<'a> {
     pub residual: Residual,
     /// The stated variances are this much larger than those of noise alone.
     pub excess: f64,
+    /// Number of particles near focus whose uncertainty sideways is that of a lenslet.
+    pub untold: usize,
     /// Doubts of the model that arose on the way.
     pub doubts: Doubts,
 }
@@ -586,6 +589,7 @@ impl<'a, 'o> Stages<'a, 'o> {
             // Errors of the model are errors of the places too.
             particles.iter_mut().for_each(|particle| particle.widen(excess));
         }
-        Ok(Fit { particles, cameras: self.particles.cameras.views, misfit, residual, excess, doubts: self.doubts })
+        let untold = if self.is_alone() { widen(&mut particles, self.particles.cameras.first()) } else { 0 };
+        Ok(Fit { particles, cameras: self.particles.cameras.views, misfit, residual, excess, untold, doubts: self.doubts })
     }
 }

@@ -46,8 +46,7 @@ pub struct CameraView<'a> {
 
 /// Particles may leave the depths of the volume by this number of pixels of the focal plane.
 pub(crate) const BEYOND_PX: f64 = 40.0;
-/// The scan reaches particles this many depths of focus from the focal plane; a depth of focus spreads a point by one
-/// pixel on the array.
+/// The scan reaches particles this many depths of focus from the focal plane.
 const SCAN_DEPTHS: f64 = 22.0;
 /// The misfit counts pixels that are expected to be brighter than this many times the noise of a dark one, and cuts
 /// each square at the second number.
@@ -155,10 +154,14 @@ impl<'a> CameraView<'a> {
 
     /// Depth from focus over which a scan is worth its time, mm.
     pub(crate) fn near_focus_mm(&self) -> f64 {
+        SCAN_DEPTHS * self.depth_of_focus_mm()
+    }
+
+    /// The depth that spreads a point by one pixel on the array.
+    pub(crate) fn depth_of_focus_mm(&self) -> f64 {
         let optics = Optics::new(self.camera);
         let slope = (optics.alpha(0.05) - optics.alpha(-0.05)).abs() / 0.1;
-        let depth_of_focus = self.camera.sensor.pixel_pitch_mm / (slope * 2.0 * optics.half_aperture_mm);
-        SCAN_DEPTHS * depth_of_focus
+        self.camera.sensor.pixel_pitch_mm / (slope * 2.0 * optics.half_aperture_mm)
     }
 
     /// Expected counts of the lit pixels, and the differences of the image. Takes every n-th row of a large image, for

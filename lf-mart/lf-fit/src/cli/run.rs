@@ -188,6 +188,7 @@ fn warn_of_model(found: &Fit, session: &mut Session) {
 fn report(arguments: &Arguments, found: &Fit, session: &mut Session) {
     warn_of_model(found, session);
     session.count("particles", found.particles.len());
+    session.count("untold", found.untold);
     session.count("chi2", found.misfit);
     session.count("residual_correlation", found.residual.beside);
     for (name, value) in statistics(&found.cameras[0]).as_object().into_iter().flatten() {

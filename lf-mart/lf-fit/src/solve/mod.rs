@@ -4,3 +4,4 @@
 pub mod covariance;
 pub mod joint;
 pub mod normal;
+pub mod untold;
