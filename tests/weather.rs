@@ -141,9 +141,9 @@ fn particles_decide_unless_they_are_turned_off() {
     assert!(planned.contains("lf-fit") && planned.contains("--particles"), "{planned}");
     let ended = pipeline(campaign(), place.path(), &[one, "FIT=1"]).output().unwrap();
     assert!(ended.status.success(), "{}", said(&ended));
-    let tables = done(place.path()).iter().filter(|line| line.contains("particles-0001")).count();
+    let has_tables = ["a", "b"].iter().all(|end| place.path().join(format!("particles-0001{end}.csv")).exists());
     let field = fs::read(place.path().join("field-0001a-0001b.exr")).unwrap();
-    assert!(tables == 2 && field != undisturbed()["field-0001a-0001b.exr"], "{}", said(&ended));
+    assert!(has_tables && field != undisturbed()["field-0001a-0001b.exr"], "{}", said(&ended));
 }
 
 #[test]

@@ -590,6 +590,14 @@ impl<'a, 'o> Stages<'a, 'o> {
             particles.iter_mut().for_each(|particle| particle.widen(excess));
         }
         let untold = if self.is_alone() { widen(&mut particles, self.particles.cameras.first()) } else { 0 };
-        Ok(Fit { particles, cameras: self.particles.cameras.views, misfit, residual, excess, untold, doubts: self.doubts })
+        Ok(Fit {
+            particles,
+            cameras: self.particles.cameras.views,
+            misfit,
+            residual,
+            excess,
+            untold,
+            doubts: self.doubts,
+        })
     }
 }

@@ -1,4 +1,4 @@
-//! Places that one camera does not tell although the slopes of its image are steep enough for a number.
+//! Places that one camera does not determine although its image has slopes there.
 //!
 //! In focus a particle lights one lenslet, wherever it is before it; or two, as two particles do that are in focus
 //! before one each. Slopes hold over a small part of the lenslet there.
@@ -7,11 +7,10 @@ use crate::cameras::view::CameraView;
 use crate::particle::FoundParticle;
 use lf_core::statistics::median;
 
-/// An uncertainty sideways of this many times the usual one is that of slopes which do not hold. On six ideal frames
-/// of the demo, uncertainties of 0.1 to 1 px, ten to a hundred times the usual one, had errors of 1 to 4 px; those below
-/// had none.
+/// Slopes do not hold where the uncertainty sideways is this many times the usual one. On six ideal frames of the demo,
+/// uncertainties of ten to a hundred times the usual one, 0.1 to 1 px, had errors of 1 to 4 px; smaller ones held.
 const UNUSUAL: f64 = 10.0;
-/// This many depths of focus from the focal plane, one particle in 6 is missed by pixels whatever the slopes say.
+/// Nearer to the focal plane than this many depths of focus, one small uncertainty in six is wrong by pixels.
 const IN_FOCUS: f64 = 1.5;
 
 /// Widens the uncertainties of such particles to the width of a lenslet. Returns their number.
