@@ -44,6 +44,8 @@ fn a_page_holds_the_run_and_nothing_from_elsewhere() {
     }
     assert!(page.contains("1 warning<") && page.contains("lf-mart: &lt;dark&gt; frame"), "the warning");
     assert!(page.contains("12.5 s in all stages, 250 MB"), "the summary");
+    // u is 0.01 times 0 to 2.5 mm: its spread is 0.0085 mm, its uncertainty 0.002 mm.
+    assert!(page.contains("that of u is 0.23 of its spread") && page.contains("98.3 % (at least 80 %)"), "judged");
     assert!(page.contains("lf-xcorr 1: &lt;/script&gt;&lt;b&gt;"), "the commands");
     let outside = page.replace("http://www.w3.org/2000/svg", "");
     assert!(!outside.contains("http:") && !outside.contains("https:") && !outside.contains("{{"), "links to elsewhere");

@@ -24,6 +24,8 @@ pub(super) struct FieldSections {
     pub statistics: Option<Section>,
     /// Lines of the summary at the top.
     pub summary: Vec<(String, String)>,
+    /// Sums over the fields.
+    pub motion: Option<FieldStatistics>,
     /// The steps that led to the last field.
     pub history: Vec<String>,
 }
@@ -101,7 +103,7 @@ pub(super) fn sections(
         ),
         ("time between volumes".to_owned(), layout.dt_s.map_or("not known".into(), |dt_s| format!("{dt_s} s"))),
     ];
-    FieldSections { view: view.section(), statistics: Some(statistics), summary, history }
+    FieldSections { view: view.section(), statistics: Some(statistics), summary, motion: Some(motion), history }
 }
 
 fn open(source: &dyn Source, file: &str, notes: &mut Vec<String>) -> Option<Field> {

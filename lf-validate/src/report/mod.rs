@@ -16,6 +16,7 @@ mod page;
 mod particles;
 mod source;
 mod stages;
+mod verdict;
 mod volumes;
 mod warnings;
 

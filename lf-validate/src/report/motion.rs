@@ -105,6 +105,21 @@ impl FieldStatistics {
         [mean, (square - mean * mean).max(0.0).sqrt()]
     }
 
+    /// Share of the vectors that are measured.
+    pub fn measured_share(&self) -> f64 {
+        self.kinds[0] as f64 / self.kinds.iter().sum::<usize>().max(1) as f64
+    }
+
+    /// The component whose stated uncertainty is the largest share of its standard deviation, and that share. None
+    /// without an uncertainty or a spread.
+    pub fn noise_share(&self) -> Option<(&'static str, f64)> {
+        let share = |c: usize| {
+            let ([_, spread], [stated, number]) = (self.mean_and_spread(c), self.stated[c]);
+            (spread > 0.0 && number > 0.0).then(|| (COMPONENTS[c], (stated / number).sqrt() / spread))
+        };
+        (0..3).filter_map(share).max_by(|a, b| a.1.total_cmp(&b.1))
+    }
+
     /// Mean, standard deviation and RMS stated uncertainty of each component, mm: a row of text each.
     pub fn rows(&self) -> Vec<Vec<String>> {
         let row = |c: usize| {

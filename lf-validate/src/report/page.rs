@@ -4,7 +4,7 @@ use super::fields::FieldSections;
 use super::folder::RunFiles;
 use super::html::{Section, escape};
 use super::source::Source;
-use super::{camera, fields, frames, particles, stages, volumes, warnings};
+use super::{camera, fields, frames, particles, stages, verdict, volumes, warnings};
 use lf_core::image::noise;
 use lf_core::{Camera, Refusal};
 
@@ -46,7 +46,7 @@ pub fn report(source: &dyn Source, options: &PageOptions) -> Result<Report, Refu
         read.map_err(|error| unread.push(error.to_string())).ok()
     });
     let noise = options.frame.as_deref().and_then(|frame| noise_share(source, frame));
-    let FieldSections { view, statistics, mut summary, history } =
+    let FieldSections { view, statistics, mut summary, motion, history } =
         fields::sections(source, &folder.fields, folder.mean.as_deref(), &mut unread);
     let stages = stages::section(source, &folder.stats, &mut unread);
     let images = [("Raw frame", options.frame.as_deref()), ("White image", options.white.as_deref())];
@@ -72,7 +72,14 @@ pub fn report(source: &dyn Source, options: &PageOptions) -> Result<Report, Refu
     .flatten()
     .collect();
     let lines = warnings::lines(source, &folder.logs);
-    let html = assemble(&options.title, &warnings::list(&lines, &unread, !folder.logs.is_empty()), &summary, &sections);
+    let mut top = Section::new("summary", "Summary");
+    verdict::judge(&mut top, source, &folder.stats, camera.as_ref(), motion.as_ref());
+    top.content += &warnings::list(&lines, &unread, !folder.logs.is_empty());
+    if !summary.is_empty() {
+        let rows: Vec<_> = summary.into_iter().map(|(label, text)| vec![label, text]).collect();
+        top.table(&[], &rows, 2);
+    }
+    let html = assemble(&options.title, &top.content, &sections);
     Ok(Report { html, sections: sections.len(), warnings: lines.len() + unread.len(), unread })
 }
 
@@ -96,7 +103,7 @@ fn commands(commands: &[String]) -> Option<Section> {
     (!commands.is_empty()).then_some(section)
 }
 
-fn assemble(title: &str, warnings: &str, summary: &[(String, String)], sections: &[Section]) -> String {
+fn assemble(title: &str, summary: &str, sections: &[Section]) -> String {
     let links: String =
         sections.iter().map(|part| format!("<li><a href=\"#{}\">{}</a></li>", part.anchor, part.heading)).collect();
     let content: String = sections
@@ -105,11 +112,6 @@ fn assemble(title: &str, warnings: &str, summary: &[(String, String)], sections:
             format!("<section id=\"{0}\"><h2>{1}</h2>\n{2}</section>\n", part.anchor, part.heading, part.content)
         })
         .collect();
-    let mut table = Section::new("summary", "Summary");
-    if !summary.is_empty() {
-        let rows: Vec<_> = summary.iter().map(|(label, text)| vec![label.clone(), text.clone()]).collect();
-        table.table(&[], &rows, 2);
-    }
     let about = format!("Made by lf-validate {} from the files of the run.", env!("CARGO_PKG_VERSION"));
     // The content comes last: it may hold any text, also that of a placeholder.
     PAGE.replace("{{style}}", STYLE)
@@ -117,7 +119,6 @@ fn assemble(title: &str, warnings: &str, summary: &[(String, String)], sections:
         .replace("{{title}}", &escape(title))
         .replace("{{about}}", &about)
         .replace("{{links}}", &links)
-        .replace("{{warnings}}", warnings)
-        .replace("{{summary}}", &table.content)
+        .replace("{{summary}}", summary)
         .replace("{{sections}}", &content)
 }
