@@ -368,6 +368,17 @@ fn a_support_is_enough() {
     let share = matched(&truth, &found).len() as f64 / truth.len() as f64;
     assert!(share >= 0.94 && found.len() as f64 <= 1.06 * truth.len() as f64, "{share}, {}", found.len());
     assert!(Volume::open(&bench.path("drawn.lfv")).unwrap().count() > 0);
-    bench.done(&format!("support.lfv {call} --particles one.csv --threads 1"));
+    let said = bench.done(&format!("support.lfv {call} --particles one.csv --threads 1")).stderr;
+    assert!(!said.contains("at the end of the depths"), "{said}");
     assert!(bench.bytes("one.csv") == bench.bytes("found.csv"));
+}
+
+/// The commonest slip: the volume ends before the particles do.
+#[test]
+fn depths_that_end_before_the_particles_are_said() {
+    let bench = bench(&["truth=null", "frames=1", "particles.per_lenslet=0.2"]);
+    bench.folder_run("lf-prune scene/frame-0000.exr -c scene/camera.json --depth=-3,5 -o support.lfv");
+    let said = bench.done("support.lfv -i scene/frame-0000.exr -c scene/camera.json --particles found.csv").stderr;
+    assert!(said.contains("particles lie at the end of the depths, -3.0 mm, where "), "{said}");
+    assert!(!said.contains("at the end of the depths, 5"), "{said}");
 }

@@ -8,7 +8,7 @@ use lf_core::particles::{self, Uncertainty};
 use lf_core::{Camera, Error, Result, Session, Verdict, cli, image, io, volume};
 use lf_fit::{
     self as fit, CameraInput, CameraView, Changes, Correction, Doubts, EXPLAINED, Fit, FitOptions, FoundParticle,
-    Particle, Progress, RANDOM,
+    Particle, PiledUp, Progress, RANDOM,
 };
 use serde_json::{Value, json};
 use std::path::Path;
@@ -165,6 +165,12 @@ fn warn_of_model(found: &Fit, session: &mut Session) {
             "the camera does not explain the image: {}; the fit corrects it; write the camera with --camera-out, and begin \
              again with it; --hold camera keeps what is given",
             each.join(", ")
+        ));
+    }
+    for PiledUp { end_mm, count, usual } in found.piled_up() {
+        session.warn(format!(
+            "{count} particles lie at the end of the depths, {end_mm:.1} mm, where {usual:.0} are usual: particles beyond \
+             it are pressed into it; give lf-prune a larger --depth"
         ));
     }
     if excess > 1.0 {

@@ -2,6 +2,7 @@
 //! First file to open: `particles.rs`.
 
 pub mod changes;
+pub mod ends;
 pub mod particles;
 pub mod tile_fit;
 pub mod tiles;
