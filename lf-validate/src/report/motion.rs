@@ -105,6 +105,12 @@ impl FieldStatistics {
         [mean, (square - mean * mean).max(0.0).sqrt()]
     }
 
+    /// RMS stated uncertainty of a component, mm. None if no vector states one.
+    fn stated_rms(&self, c: usize) -> Option<f64> {
+        let [squares, number] = self.stated[c];
+        (number > 0.0).then(|| (squares / number).sqrt())
+    }
+
     /// Share of the vectors that are measured.
     pub fn measured_share(&self) -> f64 {
         self.kinds[0] as f64 / self.kinds.iter().sum::<usize>().max(1) as f64
@@ -114,8 +120,8 @@ impl FieldStatistics {
     /// without an uncertainty or a spread.
     pub fn noise_share(&self) -> Option<(&'static str, f64)> {
         let share = |c: usize| {
-            let ([_, spread], [stated, number]) = (self.mean_and_spread(c), self.stated[c]);
-            (spread > 0.0 && number > 0.0).then(|| (COMPONENTS[c], (stated / number).sqrt() / spread))
+            let [_, spread] = self.mean_and_spread(c);
+            self.stated_rms(c).filter(|_| spread > 0.0).map(|stated| (COMPONENTS[c], stated / spread))
         };
         (0..3).filter_map(share).max_by(|a, b| a.1.total_cmp(&b.1))
     }
@@ -124,8 +130,7 @@ impl FieldStatistics {
     pub fn rows(&self) -> Vec<Vec<String>> {
         let row = |c: usize| {
             let [mean, spread] = self.mean_and_spread(c);
-            let [stated, number] = self.stated[c];
-            let stated = if number > 0.0 { format!("{:.5}", (stated / number).sqrt()) } else { "-".into() };
+            let stated = self.stated_rms(c).map_or("-".into(), |stated| format!("{stated:.5}"));
             vec![COMPONENTS[c].to_owned(), format!("{mean:.5}"), format!("{spread:.5}"), stated]
         };
         (0..3).map(row).collect()

@@ -48,7 +48,8 @@ pub fn report(source: &dyn Source, options: &PageOptions) -> Result<Report, Refu
     let noise = options.frame.as_deref().and_then(|frame| noise_share(source, frame));
     let FieldSections { view, statistics, mut summary, motion, history } =
         fields::sections(source, &folder.fields, folder.mean.as_deref(), &mut unread);
-    let stages = stages::section(source, &folder.stats, &mut unread);
+    let stats = stages::read(source, &folder.stats);
+    let stages = stages::section(&stats, &mut unread);
     let images = [("Raw frame", options.frame.as_deref()), ("White image", options.white.as_deref())];
     summary.extend(counts(&folder));
     let mut timing = None;
@@ -73,7 +74,7 @@ pub fn report(source: &dyn Source, options: &PageOptions) -> Result<Report, Refu
     .collect();
     let lines = warnings::lines(source, &folder.logs);
     let mut top = Section::new("summary", "Summary");
-    verdict::judge(&mut top, source, &folder.stats, camera.as_ref(), motion.as_ref());
+    verdict::judge(&mut top, &stats, camera.as_ref(), motion.as_ref());
     top.content += &warnings::list(&lines, &unread, !folder.logs.is_empty());
     if !summary.is_empty() {
         let rows: Vec<_> = summary.into_iter().map(|(label, text)| vec![label, text]).collect();

@@ -18,11 +18,17 @@ struct StageRun {
     slowest: String,
 }
 
+/// What the `--stats` files hold, each with its name; null for one that is not JSON.
+pub(super) fn read(source: &dyn Source, stats: &[String]) -> Vec<(String, Value)> {
+    let one = |file: &String| serde_json::from_str(&source.text(file).ok()?).ok();
+    stats.iter().map(|file| (file.clone(), one(file).unwrap_or_default())).collect()
+}
+
 /// The section, seconds of all stages, and their largest memory in bytes. None without stats.
-pub(super) fn section(source: &dyn Source, stats: &[String], notes: &mut Vec<String>) -> Option<(Section, f64, f64)> {
+pub(super) fn section(stats: &[(String, Value)], notes: &mut Vec<String>) -> Option<(Section, f64, f64)> {
     let mut runs = Vec::new();
-    for file in stats {
-        match read(source, file) {
+    for (file, value) in stats {
+        match stage_run(file, value) {
             Some(run) => runs.push(run),
             None => notes.push(format!("{file} is not what --stats writes; it is left out")),
         }
@@ -58,8 +64,7 @@ pub(super) fn section(source: &dyn Source, stats: &[String], notes: &mut Vec<Str
     Some((section, seconds, peak(&runs.iter().collect::<Vec<_>>()).unwrap_or(0.0)))
 }
 
-fn read(source: &dyn Source, file: &str) -> Option<StageRun> {
-    let value: Value = serde_json::from_str(&source.text(file).ok()?).ok()?;
+fn stage_run(file: &str, value: &Value) -> Option<StageRun> {
     let name = file.trim_end_matches(".stats.json").to_owned();
     let mut phases: Vec<(&String, f64)> =
         value["phases"].as_object()?.iter().filter_map(|(phase, seconds)| Some((phase, seconds.as_f64()?))).collect();

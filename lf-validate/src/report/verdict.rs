@@ -2,7 +2,6 @@
 
 use super::html::Section;
 use super::motion::FieldStatistics;
-use super::source::Source;
 use lf_core::Camera;
 use serde_json::Value;
 
@@ -21,13 +20,11 @@ const NOISE: f64 = 0.5;
 /// Adds a table of what is known to the summary. The worst frame and the worst pair decide.
 pub(super) fn judge(
     summary: &mut Section,
-    source: &dyn Source,
-    stats: &[String],
+    stats: &[(String, Value)],
     camera: Option<&Camera>,
     motion: Option<&FieldStatistics>,
 ) {
-    let runs: Vec<Value> =
-        stats.iter().filter_map(|file| serde_json::from_str(&source.text(file).ok()?).ok()).collect();
+    let runs: Vec<&Value> = stats.iter().map(|(_, run)| run).collect();
     let lines = [
         camera.and_then(lattice),
         explained(&runs),
@@ -65,11 +62,11 @@ fn lattice(camera: &Camera) -> Option<Judgement> {
 }
 
 /// The counts of the runs of a tool that have this one.
-fn counts<'a>(runs: &'a [Value], tool: &'a str, name: &'a str) -> impl Iterator<Item = &'a Value> {
+fn counts<'a>(runs: &'a [&Value], tool: &'a str, name: &'a str) -> impl Iterator<Item = &'a Value> {
     runs.iter().filter(move |run| run["tool"] == tool && run["counts"][name].is_number()).map(|run| &run["counts"])
 }
 
-fn explained(runs: &[Value]) -> Option<Judgement> {
+fn explained(runs: &[&Value]) -> Option<Judgement> {
     let most = |name| counts(runs, "lf-fit", name).filter_map(|found| found[name].as_f64()).reduce(f64::max);
     let (misfit, beside) = (most("chi2")?, most("residual_correlation")?);
     Some(Judgement {
@@ -79,7 +76,7 @@ fn explained(runs: &[Value]) -> Option<Judgement> {
     })
 }
 
-fn shared(runs: &[Value]) -> Option<Judgement> {
+fn shared(runs: &[&Value]) -> Option<Judgement> {
     let share = |found: &Value| {
         let [pairs, wrong, first, second] = ["particle_pairs", "pairs_wrong", "particles_a", "particles_b"]
             .map(|name| found[name].as_f64().unwrap_or(0.0));
@@ -118,9 +115,9 @@ mod tests {
     fn the_worst_frame_decides() {
         let fit = |chi2: f64, beside: f64| json!({"tool": "lf-fit", "counts": {"chi2": chi2, "residual_correlation": beside}});
         let pair = |pairs: usize| json!({"tool": "lf-xcorr", "counts": {"particle_pairs": pairs, "particles_a": 200, "particles_b": 100}});
-        let good = [fit(1.0, 0.1), fit(1.39, -0.1), pair(71), json!({"tool": "lf-mart", "counts": {}})];
+        let good = [&fit(1.0, 0.1), &fit(1.39, -0.1), &pair(71), &json!({"tool": "lf-mart", "counts": {}})];
         assert!(explained(&good).unwrap().is_good && shared(&good).unwrap().is_good);
-        let bad = [fit(1.0, 0.16), fit(1.1, 0.0), pair(90), pair(69)];
+        let bad = [&fit(1.0, 0.16), &fit(1.1, 0.0), &pair(90), &pair(69)];
         assert!(!explained(&bad).unwrap().is_good && !shared(&bad).unwrap().is_good);
         assert!(explained(&bad).unwrap().found.starts_with("chi2 1.10 (at most 1.4), pixels alike by 0.16"));
         assert!(explained(&bad[2..]).is_none() && shared(&bad[..2]).is_none());
