@@ -35,7 +35,7 @@ impl Fit<'_> {
 fn piled_up(depths_mm: impl Iterator<Item = f64>, [low, high]: [f64; 2]) -> Vec<PiledUp> {
     let mut counts = [0.0; SLABS];
     for z in depths_mm {
-        // The last slab takes those in that left the depths.
+        // The last slab takes in those that left the depths.
         let slab = (z - low) / (high - low) * SLABS as f64;
         counts[slab.clamp(0.0, SLABS as f64 - 1.0) as usize] += 1.0;
     }

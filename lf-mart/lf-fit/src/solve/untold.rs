@@ -12,6 +12,8 @@ use lf_core::statistics::median;
 const UNUSUAL: f64 = 10.0;
 /// Nearer to the focal plane than this many depths of focus, one small uncertainty in six is wrong by pixels.
 const IN_FOCUS: f64 = 1.5;
+/// Where the variances of x and y lie in a covariance.
+const SIDEWAYS: [usize; 2] = [0, 3];
 
 /// Widens the uncertainties of such particles to the width of a lenslet. Returns their number.
 pub(crate) fn widen(particles: &mut [FoundParticle], view: &CameraView) -> usize {
@@ -34,9 +36,6 @@ pub(crate) fn widen(particles: &mut [FoundParticle], view: &CameraView) -> usize
     }
     count
 }
-
-/// Where the variances of x and y lie in a covariance.
-const SIDEWAYS: [usize; 2] = [0, 3];
 
 #[cfg(test)]
 mod tests {
