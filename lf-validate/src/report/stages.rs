@@ -18,7 +18,7 @@ struct StageRun {
     slowest: String,
 }
 
-/// What the `--stats` files hold, each with its name; null for one that is not JSON.
+/// The values in `--stats` files, each with its name; null for one that is not JSON.
 pub(super) fn read(source: &dyn Source, stats: &[String]) -> Vec<(String, Value)> {
     let one = |file: &String| serde_json::from_str(&source.text(file).ok()?).ok();
     stats.iter().map(|file| (file.clone(), one(file).unwrap_or_default())).collect()
