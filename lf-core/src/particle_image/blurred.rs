@@ -18,13 +18,13 @@
 //!
 //! So all stops and all cells are one case. Against rays the light errs by 0.1 to 1.1 % of the particle's.
 
-use super::cell_surface::{Tables, nearest};
+use super::cell_surface::Ladder;
 use super::lenslet_image::{LIGHT, LensletImage, Listed, PLACES, Patch, QUANTITIES, Scratch};
 use super::lenslet_lines::LensletLine;
-use super::mean::Mean;
+use super::means::{FourPlaces, LANES, Mean};
 use super::place::Place;
 use super::sensor_blur::{Bell, PIXEL_VARIANCE, SensorBlur, Widened};
-use glam::DVec2;
+use glam::{DVec2, DVec4};
 
 /// A pixel with a smaller mean of the cell is dark.
 const DARK: f64 = 1e-6;
@@ -33,11 +33,11 @@ const MOST_SHIFT: f64 = 3.0;
 /// The variance of the bump is no less than this share of the kernel's.
 const LEAST_VARIANCE: f64 = 0.05;
 
-/// The share of a bump inside the stop, and its derivatives by the bump's middle and variances.
+/// The shares of four bumps inside the stop, and their derivatives by the bumps' middles and variances.
 struct Inside {
-    share: f64,
-    by_middle: DVec2,
-    by_variance: DVec2,
+    share: DVec4,
+    by_middle: [DVec4; 2],
+    by_variance: [DVec4; 2],
 }
 
 impl<T: Listed> LensletImage<'_, T> {
@@ -46,7 +46,7 @@ impl<T: Listed> LensletImage<'_, T> {
     #[inline(always)]
     pub(super) fn blurred<const N: usize>(
         &self,
-        (blur, surfaces): (&SensorBlur, &[Tables<T>]),
+        (blur, ladder): (&SensorBlur, &Ladder<T>),
         line: &LensletLine,
         by_shift: f64,
         scratch: &mut Scratch,
@@ -60,7 +60,7 @@ impl<T: Listed> LensletImage<'_, T> {
         let px_by_stop = (axes[0].slope.abs() + axes[1].slope.abs()) / 2.0;
         let alpha_mean = 0.5 * (alpha.x + alpha.y);
         let widened = blur.widened(self.spot_mm, alpha_mean, px_by_stop, self.beam.is_bent());
-        let tables = nearest(surfaces, widened.sigma_mm);
+        let tables = ladder.nearest(widened.sigma_mm);
         let more_mm = widened.sigma_mm - tables.sigma_mm;
 
         // Place the edges and the middles of the pixels on the stop and on the array.
@@ -68,9 +68,13 @@ impl<T: Listed> LensletImage<'_, T> {
             let place = |at: f64| axes[axis].place(at, alpha[axis], by_shift, f64::INFINITY);
             let (edges, points) = (&mut scratch.edges[axis], &mut scratch.points[axis]);
             edges.clear();
-            edges.extend((first..=end).map(|n| place(n as f64)));
             points.clear();
-            points.extend((first..end).map(|n| place(n as f64 + 0.5)));
+            for n in first..=end {
+                edges.push(place(n as f64));
+            }
+            for n in first..end {
+                points.push(place(n as f64 + 0.5));
+            }
         }
 
         // Take the mean of the cell over each pixel.
@@ -86,19 +90,33 @@ impl<T: Listed> LensletImage<'_, T> {
         }
 
         // Multiply it by the share that the stop lets through.
-        let Scratch { points, means, pixels, .. } = scratch;
+        let Scratch { points, means, fours, pixels, .. } = scratch;
         pixels.clear();
-        pixels.resize(means.len(), [0.0; QUANTITIES]);
+        pixels.resize(points[0].len() * points[1].len(), [0.0; QUANTITIES]);
         let per_slope = DVec2::new(axes[0].per_slope, axes[1].per_slope);
         let kernel = (PIXEL_VARIANCE + blur.sigma_px * blur.sigma_px) * per_slope * per_slope;
         let scale = blur.share * (per_slope.x * per_slope.y).abs() / self.view.stop_mm2;
         let growth = axes[0].gamma * per_slope.x + axes[1].gamma * per_slope.y;
-        let pixel = Pixel { half, alpha, kernel, scale, growth, is_round: self.view.has_round_stop };
+        let pixel = Pixel {
+            half,
+            per_half: 1.0 / half,
+            alpha,
+            kernel,
+            kernel_alpha: kernel * alpha,
+            most_shift: MOST_SHIFT * DVec2::new(kernel.x.sqrt(), kernel.y.sqrt()),
+            scale,
+            growth,
+            is_round: self.view.has_round_stop,
+        };
         let columns = points[0].len();
-        for (n, mean) in means.iter().enumerate() {
-            if mean.level > DARK {
-                let (x, y) = (&points[0][n % columns], &points[1][n / columns]);
-                pixel.light::<N>(blur, &widened, mean, [x, y], per_slope, &mut pixels[n]);
+        fours.clear();
+        for first in (0..columns).step_by(LANES) {
+            fours.push(FourPlaces::new(&points[0], first));
+        }
+        let mut means = means.iter();
+        for (y, row) in points[1].iter().zip(pixels.chunks_mut(columns)) {
+            for ((x, mean), out) in fours.iter().zip(&mut means).zip(row.chunks_mut(LANES)) {
+                pixel.light::<N>(blur, &widened, mean, (x, y), per_slope, out);
             }
         }
         let [column, row] = [left, top].map(|first| first as u32);
@@ -109,9 +127,13 @@ impl<T: Listed> LensletImage<'_, T> {
 /// Numbers that all pixels of a lenslet share.
 struct Pixel {
     half: f64,
+    per_half: f64,
     alpha: DVec2,
-    /// Variance of the pixel's kernel in the stop, mm^2.
+    /// Variance of the pixel's kernel in the stop, mm^2, and the same times alpha.
     kernel: DVec2,
+    kernel_alpha: DVec2,
+    /// Largest shift of the bump's middle, mm.
+    most_shift: DVec2,
     /// Area of a pixel in the stop over the stop's.
     scale: f64,
     /// Relative growth of that area with alpha.
@@ -120,96 +142,141 @@ struct Pixel {
 }
 
 impl Pixel {
-    /// The light of a pixel and its derivatives.
+    /// The light of up to four pixels and its derivatives.
     #[inline(always)]
     fn light<const N: usize>(
         &self,
         blur: &SensorBlur,
         widened: &Widened,
         mean: &Mean,
-        [x, y]: [&Place; 2],
+        (x, y): (&FourPlaces, &Place),
         per_slope: DVec2,
-        out: &mut [f64; QUANTITIES],
+        out: &mut [[f64; QUANTITIES]],
     ) {
-        let Self { alpha, kernel, scale, .. } = *self;
+        let Self { alpha, kernel, kernel_alpha, scale, .. } = *self;
         // Find the middle and the variance of the bump from the logarithm of the mean.
-        let level = mean.level;
-        let slope = DVec2::from(mean.slope) / level;
-        let [xx, xy, yy] = mean.curve.map(|curve| curve / level);
-        let (xx, xy, yy) = (xx - slope.x * slope.x, xy - slope.x * slope.y, yy - slope.y * slope.y);
-        let most = MOST_SHIFT * DVec2::new(kernel.x.sqrt(), kernel.y.sqrt());
-        let middle = DVec2::new(x.u, y.u) + (kernel * alpha * slope).clamp(-most, most);
-        let curve = DVec2::new(alpha.x * alpha.x * xx, alpha.y * alpha.y * yy);
-        let variance = (kernel + kernel * kernel * curve).max(LEAST_VARIANCE * kernel);
-        let mixed = kernel.x * kernel.y * alpha.x * alpha.y * xy;
-        let Some(inside) = self.inside(&blur.bell, middle, variance, mixed) else { return };
+        let number = |n: usize| DVec4::from_array(mean[n]);
+        let (mean_level, mean_slope, by_size) = (number(0), [number(1), number(2)], number(6));
+        let per_level = 1.0 / mean_level.max(DVec4::splat(DARK));
+        let slope = [mean_slope[0] * per_level, mean_slope[1] * per_level];
+        let xx = number(3) * per_level - slope[0] * slope[0];
+        let xy = number(4) * per_level - slope[0] * slope[1];
+        let yy = number(5) * per_level - slope[1] * slope[1];
+        let most = [DVec4::splat(self.most_shift.x), DVec4::splat(self.most_shift.y)];
+        let middle = [
+            x.u + (kernel_alpha.x * slope[0]).max(-most[0]).min(most[0]),
+            y.u + (kernel_alpha.y * slope[1]).max(-most[1]).min(most[1]),
+        ];
+        let curve = [alpha.x * alpha.x * xx, alpha.y * alpha.y * yy];
+        let variance = [
+            (kernel.x + kernel.x * kernel.x * curve[0]).max(DVec4::splat(LEAST_VARIANCE * kernel.x)),
+            (kernel.y + kernel.y * kernel.y * curve[1]).max(DVec4::splat(LEAST_VARIANCE * kernel.y)),
+        ];
+        let mixed = kernel_alpha.x * kernel_alpha.y * xy;
+        let inside = self.inside(&blur.bell, middle, variance, mixed);
         let share = scale * inside.share;
-        out[0] = share * level;
-        if N <= LIGHT {
-            return;
+        let mut numbers = [DVec4::ZERO; QUANTITIES];
+        numbers[0] = share * mean_level;
+        if N > LIGHT {
+            // Follow both factors: the mean by its slopes, the share by the middle of the bump.
+            let level = scale * mean_level;
+            let by_middle = [level * inside.by_middle[0], level * inside.by_middle[1]];
+            let along = |x_by: DVec4, u_by: DVec4| {
+                share * mean_slope[0] * x_by
+                    + by_middle[0] * (u_by + kernel_alpha.x * xx * x_by)
+                    + by_middle[1] * (kernel_alpha.y * xy * x_by)
+            };
+            let across = |y_by: f64, u_by: f64| {
+                share * mean_slope[1] * y_by
+                    + by_middle[0] * (kernel_alpha.x * xy * y_by)
+                    + by_middle[1] * (u_by + kernel_alpha.y * yy * y_by)
+            };
+            let turned = kernel.x * by_middle[0] * slope[0] + kernel.y * by_middle[1] * slope[1];
+            numbers[1] = along(x.x_by[0], x.u_by[0]);
+            numbers[2] = across(y.x_by[0], y.u_by[0]);
+            numbers[3] = along(x.x_by[1], x.u_by[1])
+                + across(y.x_by[1], y.u_by[1])
+                + turned
+                + share * by_size * widened.by_alpha
+                + numbers[0] * self.growth;
+            if N > PLACES {
+                // The bump moves and narrows with the size of the spot, through both derivatives of the logarithm.
+                let by_level = by_size * per_level;
+                let slope_by =
+                    [number(7) * per_level - by_level * slope[0], number(8) * per_level - by_level * slope[1]];
+                let curve_by = |n: usize, raw: DVec4, raw_by: DVec4| {
+                    let own = raw_by * per_level - raw * per_level * by_level;
+                    alpha[n] * alpha[n] * (own - 2.0 * slope[n] * slope_by[n])
+                };
+                let curve_by = [curve_by(0, number(3), number(9)), curve_by(1, number(5), number(11))];
+                let by_variance = [level * inside.by_variance[0], level * inside.by_variance[1]];
+                let by_bump = |n: usize| {
+                    by_middle[n] * kernel_alpha[n] * slope_by[n] + by_variance[n] * kernel[n] * kernel[n] * curve_by[n]
+                };
+                let by_bump = by_bump(0) + by_bump(1);
+                let by_size = share * by_size + by_bump;
+                numbers[3] += by_bump * widened.by_alpha;
+                numbers[4] = by_size * widened.by_spot;
+                numbers[5] = along(x.x_by[2], x.u_by[2]);
+                numbers[6] = across(y.x_by[2], y.u_by[2]);
+                let kernel_by = 2.0 * blur.sigma_px * per_slope * per_slope;
+                let by_inside = |n: usize| {
+                    let variance_by = kernel_by[n] * (1.0 + 2.0 * kernel[n] * curve[n]);
+                    by_middle[n] * kernel_by[n] * alpha[n] * slope[n] + by_variance[n] * variance_by
+                };
+                numbers[7] = by_size * widened.by_blur + by_inside(0) + by_inside(1);
+            }
         }
-        // Follow both factors: the mean by its slopes, the share by the middle of the bump.
-        let level = scale * level;
-        let by = |x_by: f64, y_by: f64, u_by: DVec2| {
-            let moved = u_by + kernel * alpha * DVec2::new(xx * x_by + xy * y_by, xy * x_by + yy * y_by);
-            share * (mean.slope[0] * x_by + mean.slope[1] * y_by) + level * inside.by_middle.dot(moved)
-        };
-        out[1] = by(x.x_by[0], 0.0, DVec2::new(x.u_by[0], 0.0));
-        out[2] = by(0.0, y.x_by[0], DVec2::new(0.0, y.u_by[0]));
-        let turned = DVec2::new(x.u_by[1], y.u_by[1]) + kernel * slope;
-        out[3] = by(x.x_by[1], y.x_by[1], turned) + share * mean.by_size * widened.by_alpha + out[0] * self.growth;
-        if N <= PLACES {
-            return;
+        let numbers = numbers.map(|numbers| numbers.to_array());
+        for (k, pixel) in out.iter_mut().enumerate() {
+            if mean[0][k] > DARK {
+                for n in 0..N {
+                    pixel[n] = numbers[n][k];
+                }
+            }
         }
-        // The bump moves and narrows with the size of the spot, through both derivatives of the logarithm.
-        let per_level = 1.0 / mean.level;
-        let slope_by = (DVec2::from(mean.slope_by_size) - mean.by_size * slope) * per_level;
-        let [xx_by, _, yy_by] = mean.curve_by_size.map(|curve| curve * per_level);
-        let [raw_xx, _, raw_yy] = mean.curve.map(|curve| curve * per_level);
-        let curve_by = DVec2::new(
-            alpha.x * alpha.x * (xx_by - raw_xx * mean.by_size * per_level - 2.0 * slope.x * slope_by.x),
-            alpha.y * alpha.y * (yy_by - raw_yy * mean.by_size * per_level - 2.0 * slope.y * slope_by.y),
-        );
-        let by_bump =
-            inside.by_middle.dot(kernel * alpha * slope_by) + inside.by_variance.dot(kernel * kernel * curve_by);
-        let by_size = share * mean.by_size + level * by_bump;
-        out[4] = by_size * widened.by_spot;
-        out[3] += (by_size - share * mean.by_size) * widened.by_alpha;
-        out[5] = by(x.x_by[2], 0.0, DVec2::new(x.u_by[2], 0.0));
-        out[6] = by(0.0, y.x_by[2], DVec2::new(0.0, y.u_by[2]));
-        let kernel_by = 2.0 * blur.sigma_px * per_slope * per_slope;
-        let variance_by = kernel_by * (1.0 + 2.0 * kernel * curve);
-        let by_inside = inside.by_middle.dot(kernel_by * alpha * slope) + inside.by_variance.dot(variance_by);
-        out[7] = by_size * widened.by_blur + level * by_inside;
     }
 
-    /// The share of a normal bump that lies inside the stop; None if that is nothing.
+    /// The shares of normal bumps that lie inside the stop.
     #[inline(always)]
-    fn inside(&self, bell: &Bell, middle: DVec2, variance: DVec2, mixed: f64) -> Option<Inside> {
+    fn inside(&self, bell: &Bell, middle: [DVec4; 2], variance: [DVec4; 2], mixed: DVec4) -> Inside {
         if self.is_round {
             // The rim is a parabola near the bump: it leaves out what the bump's width along the rim bends away.
-            let radius = middle.length().max(f64::MIN_POSITIVE);
-            let out = middle / radius;
-            let (square, cross) = (out * out, 2.0 * out.x * out.y * mixed);
-            let across = (square.dot(variance) + cross).max(LEAST_VARIANCE * self.kernel.min_element());
-            let along = (square.y * variance.x + square.x * variance.y - cross).max(0.0);
-            let sigma = across.sqrt();
-            let z = (self.half - radius - 0.5 * along / self.half) / sigma;
-            let (share, density) = bell.at(z)?;
-            let by_variance = (-0.5 * density * z / across) * square;
-            return Some(Inside { share, by_middle: (-density / sigma) * out, by_variance });
+            let square = middle[0] * middle[0] + middle[1] * middle[1];
+            let radius = root(square).max(DVec4::splat(f64::MIN_POSITIVE));
+            let per_radius = 1.0 / radius;
+            let out = [middle[0] * per_radius, middle[1] * per_radius];
+            let square = [out[0] * out[0], out[1] * out[1]];
+            let cross = 2.0 * out[0] * out[1] * mixed;
+            let across = square[0] * variance[0] + square[1] * variance[1] + cross;
+            let across = across.max(DVec4::splat(LEAST_VARIANCE * self.kernel.min_element()));
+            let along = (square[1] * variance[0] + square[0] * variance[1] - cross).max(DVec4::ZERO);
+            let per_sigma = 1.0 / root(across);
+            let z = (self.half - radius - (0.5 * self.per_half) * along) * per_sigma;
+            let (share, density) = bell.four(z);
+            let by_middle = -density * per_sigma;
+            let by_variance = 0.5 * by_middle * z * per_sigma;
+            return Inside {
+                share,
+                by_middle: [by_middle * out[0], by_middle * out[1]],
+                by_variance: [by_variance * square[0], by_variance * square[1]],
+            };
         }
-        let side = |u: f64, variance: f64| {
-            let sigma = variance.sqrt();
-            let z = (self.half - u.abs()) / sigma;
-            let (share, density) = bell.at(z)?;
-            Some((share, -density / sigma.copysign(u), -0.5 * density * z / variance))
-        };
-        let (x, y) = (side(middle.x, variance.x)?, side(middle.y, variance.y)?);
-        Some(Inside {
-            share: x.0 * y.0,
-            by_middle: DVec2::new(x.1 * y.0, x.0 * y.1),
-            by_variance: DVec2::new(x.2 * y.0, x.0 * y.2),
-        })
+        let (x, y) = (self.side(bell, middle[0], variance[0]), self.side(bell, middle[1], variance[1]));
+        Inside { share: x.0 * y.0, by_middle: [x.1 * y.0, x.0 * y.1], by_variance: [x.2 * y.0, x.0 * y.2] }
     }
+
+    /// The shares of normal bumps between two sides of a square stop, and their derivatives by middle and variance.
+    #[inline(always)]
+    fn side(&self, bell: &Bell, u: DVec4, variance: DVec4) -> (DVec4, DVec4, DVec4) {
+        let per_sigma = 1.0 / root(variance);
+        let z = (self.half - u.abs()) * per_sigma;
+        let (share, density) = bell.four(z);
+        (share, -density * per_sigma.copysign(u), -0.5 * density * z * per_sigma * per_sigma)
+    }
+}
+
+#[inline(always)]
+fn root(square: DVec4) -> DVec4 {
+    DVec4::new(square.x.sqrt(), square.y.sqrt(), square.z.sqrt(), square.w.sqrt())
 }

@@ -3,17 +3,27 @@
 use super::cross::{Cross, Line};
 use super::normal::{density, distribution, ramp};
 use super::spline::Spline;
+use super::table::Table;
 use crate::lattice::chord;
 use glam::DVec2;
-use rayon::prelude::*;
 use std::cmp::Ordering;
+use std::sync::{Arc, OnceLock};
 
-/// Tables of a cell for spots of several sizes, the smallest first: of a cell of any shape, or of a rectangle along the
-/// axes, whose light is a product.
+/// Tables of a cell for spots of all sizes: of a cell of any shape, or of a rectangle along the axes, whose light is a
+/// product.
 #[derive(Debug, Clone)]
 pub(super) enum Surfaces {
-    Any(Vec<Tables<Spline>>),
-    Rectangle(Vec<Tables<Cross>>),
+    Any(Arc<Ladder<Spline>>),
+    Rectangle(Arc<Ladder<Cross>>),
+}
+
+/// Tables of a cell, the smallest spot first. A table is made when it is first read.
+#[derive(Debug)]
+pub(super) struct Ladder<T> {
+    /// Corners of the cell about the lenslet's centre, mm.
+    corners: Vec<DVec2>,
+    /// Standard deviations of the spots on the array, mm, and their tables.
+    rungs: Vec<(f64, OnceLock<Tables<T>>)>,
 }
 
 /// Both functions of a cell.
@@ -56,25 +66,54 @@ struct Strip {
 impl Surfaces {
     /// For the convex cell with these corners about the lenslet's centre, mm, and spots of these standard deviations.
     pub(super) fn new(corners: &[DVec2], sigmas_mm: &[f64]) -> Self {
-        let half = corners.iter().fold(DVec2::ZERO, |half, corner| half.max(corner.abs()));
-        if corners.len() == 4 && corners.iter().all(|corner| (corner.abs() - half).length() < 1e-9 * half.x) {
-            return Self::Rectangle(sigmas_mm.iter().map(|sigma_mm| rectangle(half, *sigma_mm)).collect());
+        let half = half_sides(corners);
+        match corners.len() == 4 && corners.iter().all(|corner| (corner.abs() - half).length() < 1e-9 * half.x) {
+            true => Self::Rectangle(Arc::new(Ladder::new(corners, sigmas_mm))),
+            false => Self::Any(Arc::new(Ladder::new(corners, sigmas_mm))),
         }
-        Self::Any(sigmas_mm.par_iter().map(|sigma_mm| Tables::of_cell(corners, half, *sigma_mm)).collect())
+    }
+
+    /// Whether these are the tables for spots of these sizes and a cell whose corners lie within `off_mm` of these.
+    pub(super) fn are_for(&self, corners: &[DVec2], sigmas_mm: &[f64], off_mm: f64) -> bool {
+        match self {
+            Self::Any(ladder) => ladder.is_for(corners, sigmas_mm, off_mm),
+            Self::Rectangle(ladder) => ladder.is_for(corners, sigmas_mm, off_mm),
+        }
     }
 }
 
-/// The tables of the size that is nearest to a spot's, in the logarithm.
-#[inline(always)]
-pub(super) fn nearest<T>(tables: &[Tables<T>], spot_mm: f64) -> &Tables<T> {
-    let above = tables.partition_point(|tables| tables.sigma_mm < spot_mm).min(tables.len() - 1);
-    let below = above.saturating_sub(1);
-    let is_below = spot_mm * spot_mm < tables[below].sigma_mm * tables[above].sigma_mm;
-    &tables[if is_below { below } else { above }]
+/// Half sides of the box around a cell, mm.
+pub(super) fn half_sides(corners: &[DVec2]) -> DVec2 {
+    corners.iter().fold(DVec2::ZERO, |half, corner| half.max(corner.abs()))
+}
+
+impl<T: Table> Ladder<T> {
+    fn new(corners: &[DVec2], sigmas_mm: &[f64]) -> Self {
+        let rungs = sigmas_mm.iter().map(|sigma_mm| (*sigma_mm, OnceLock::new())).collect();
+        Self { corners: corners.to_vec(), rungs }
+    }
+
+    fn is_for(&self, corners: &[DVec2], sigmas_mm: &[f64], off_mm: f64) -> bool {
+        self.corners.len() == corners.len()
+            && self.corners.iter().zip(corners).all(|(own, other)| own.distance(*other) < off_mm)
+            && self.rungs.iter().map(|(sigma_mm, _)| sigma_mm).eq(sigmas_mm)
+    }
+
+    /// The tables of the size that is nearest to a spot's, in the logarithm.
+    #[inline(always)]
+    pub(super) fn nearest(&self, spot_mm: f64) -> &Tables<T> {
+        let above = self.rungs.partition_point(|(sigma_mm, _)| *sigma_mm < spot_mm).min(self.rungs.len() - 1);
+        let below = above.saturating_sub(1);
+        let is_below = spot_mm * spot_mm < self.rungs[below].0 * self.rungs[above].0;
+        let (sigma_mm, tables) = &self.rungs[if is_below { below } else { above }];
+        tables.get_or_init(|| T::of_cell(&self.corners, *sigma_mm))
+    }
 }
 
 impl Tables<Spline> {
-    fn of_cell(corners: &[DVec2], half: DVec2, sigma_mm: f64) -> Self {
+    /// For a convex cell.
+    pub(super) fn of_cell(corners: &[DVec2], sigma_mm: f64) -> Self {
+        let half = half_sides(corners);
         let step = sigma_mm / NODES_PER_SIGMA;
         let reach = half + REACH_SIGMA * sigma_mm + MARGIN * step;
         let nodes = [reach.x, reach.y].map(|reach| (2.0 * reach / step).ceil() as usize + 1);
@@ -115,25 +154,27 @@ impl Tables<Spline> {
     }
 }
 
-/// The tables of a rectangle of these half sides.
-fn rectangle(half: DVec2, sigma_mm: f64) -> Tables<Cross> {
-    let step = sigma_mm / NODES_PER_SIGMA_OF_LINES;
-    let line = |half: f64, of: &dyn Fn(f64, f64) -> [f64; 2]| {
-        let reach = half + REACH_SIGMA * sigma_mm + MARGIN * step;
-        let count = (2.0 * reach / step).ceil() as usize + 1;
-        let at = |n: usize| {
-            let x = -reach + n as f64 * step;
-            of((x + half) / sigma_mm, (x - half) / sigma_mm)
+impl Tables<Cross> {
+    /// For a rectangle along the axes.
+    pub(super) fn of_rectangle(half: DVec2, sigma_mm: f64) -> Self {
+        let step = sigma_mm / NODES_PER_SIGMA_OF_LINES;
+        let line = |half: f64, of: &dyn Fn(f64, f64) -> [f64; 2]| {
+            let reach = half + REACH_SIGMA * sigma_mm + MARGIN * step;
+            let count = (2.0 * reach / step).ceil() as usize + 1;
+            let at = |n: usize| {
+                let x = -reach + n as f64 * step;
+                of((x + half) / sigma_mm, (x - half) / sigma_mm)
+            };
+            let (values, by_size) = (0..count).map(at).map(|[value, by_size]| (value, by_size)).unzip();
+            Line::new(-reach, step, values, by_size)
         };
-        let (values, by_size) = (0..count).map(at).map(|[value, by_size]| (value, by_size)).unzip();
-        Line::new(-reach, step, values, by_size)
-    };
-    let share = |a: f64, b: f64| [distribution(a) - distribution(b), -(a * density(a) - b * density(b)) / sigma_mm];
-    let integral = |a: f64, b: f64| [sigma_mm * (ramp(a) - ramp(b)), density(a) - density(b)];
-    Tables {
-        sigma_mm,
-        share: Cross::new([line(half.x, &share), line(half.y, &share)]),
-        integral: Cross::new([line(half.x, &integral), line(half.y, &integral)]),
+        let share = |a: f64, b: f64| [distribution(a) - distribution(b), -(a * density(a) - b * density(b)) / sigma_mm];
+        let integral = |a: f64, b: f64| [sigma_mm * (ramp(a) - ramp(b)), density(a) - density(b)];
+        Self {
+            sigma_mm,
+            share: Cross::new([line(half.x, &share), line(half.y, &share)]),
+            integral: Cross::new([line(half.x, &integral), line(half.y, &integral)]),
+        }
     }
 }
 
@@ -159,7 +200,6 @@ fn strips(corners: &[DVec2], sigma_mm: f64) -> Vec<Strip> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::table::Table;
     use super::*;
 
     /// H and G at a place, each with slopes and derivative by the size.
@@ -168,8 +208,8 @@ mod tests {
             [&tables.share, &tables.integral].map(|t| t.at::<8>(&t.taps(0, x, 0.0), &t.taps(1, y, 0.0), 0.0))
         }
         match surface {
-            Surfaces::Any(tables) => both(&tables[0], x, y),
-            Surfaces::Rectangle(tables) => both(&tables[0], x, y),
+            Surfaces::Any(ladder) => both(ladder.nearest(0.0), x, y),
+            Surfaces::Rectangle(ladder) => both(ladder.nearest(0.0), x, y),
         }
     }
 

@@ -7,7 +7,7 @@ use super::cross::{Cross, LineJet, Read};
 use super::edge_sums::EdgeSums;
 use super::factor::Factor;
 use super::lenslet_lines::LensletLine;
-use super::mean::Mean;
+use super::means::{FourPlaces, Mean};
 use super::place::{Place, width};
 use super::rim::{self, Side, Strip, Way};
 use super::share::Shared;
@@ -138,6 +138,7 @@ pub struct Scratch {
     pub(super) edges: [Vec<Place>; 2],
     pub(super) points: [Vec<Place>; 2],
     pub(super) means: Vec<Mean>,
+    pub(super) fours: Vec<FourPlaces>,
     pub(super) hits: Vec<DVec2>,
     pub(super) jets: [Vec<LineJet>; 2],
     pub(super) stencils: Vec<Stencil>,

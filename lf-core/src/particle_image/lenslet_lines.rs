@@ -49,12 +49,6 @@ impl LensletLines {
         }
     }
 
-    /// Smallest number of pixels that a millimetre of the stop covers under any lenslet, in light of this spread.
-    pub(super) fn fewest_px_by_stop(&self, alpha: f64) -> f64 {
-        let lines = self.rows.iter().flat_map(|(_, row)| row);
-        lines.fold(f64::INFINITY, |fewest, line| fewest.min((line.kappa - line.gamma * alpha).abs().min_element()))
-    }
-
     /// The lenslets whose centres lie within `reach_mm` of a place on the array, and a few more.
     #[inline(always)]
     pub(super) fn within(&self, place_mm: DVec2, reach_mm: DVec2) -> impl Iterator<Item = &LensletLine> {

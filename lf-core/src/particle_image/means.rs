@@ -1,10 +1,55 @@
-//! Means of a cell's share of light over pixels, with their derivatives by the place on the array.
+//! Means of a cell's share of light over pixels, with their derivatives by the place on the array. Four pixels of a row
+//! are one.
 
 use super::cell_surface::Tables;
 use super::cross::{Cross, LineJet};
 use super::lenslet_image::Scratch;
-use super::mean::Mean;
-use super::spline::{Jet, Spline};
+use super::place::Place;
+use super::spline::Spline;
+use glam::DVec4;
+
+/// Pixels that are computed at once.
+pub(super) const LANES: usize = 4;
+/// Numbers of a mean, and those that are not derivatives by the size.
+const NUMBERS: usize = 12;
+const PLAIN: usize = 6;
+
+/// Means of the cell's share over four pixels and the blur, with their derivatives by the place on the array and by the
+/// size of the spot: the numbers of [`super::spline::Jet`], each for four pixels.
+pub(super) type Mean = [[f64; LANES]; NUMBERS];
+
+/// Four places along x.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct FourPlaces {
+    pub(super) u: DVec4,
+    pub(super) u_by: [DVec4; 3],
+    pub(super) x_by: [DVec4; 3],
+}
+
+impl FourPlaces {
+    /// The places from `first` on; the last one is repeated.
+    #[inline(always)]
+    pub(super) fn new(places: &[Place], first: usize) -> Self {
+        let four = [0, 1, 2, 3].map(|k| &places[(first + k).min(places.len() - 1)]);
+        let [a, b, c, d] = four;
+        let u_by = |n: usize| DVec4::new(a.u_by[n], b.u_by[n], c.u_by[n], d.u_by[n]);
+        let x_by = |n: usize| DVec4::new(a.x_by[n], b.x_by[n], c.x_by[n], d.x_by[n]);
+        Self { u: DVec4::new(a.u, b.u, c.u, d.u), u_by: [u_by(0), u_by(1), u_by(2)], x_by: [x_by(0), x_by(1), x_by(2)] }
+    }
+}
+
+/// How many numbers of a mean are needed for so many quantities.
+#[inline(always)]
+fn needed<const N: usize>() -> usize {
+    if N > super::lenslet_image::PLACES { NUMBERS } else { PLAIN + 1 }
+}
+
+/// Room for the means of rows of pixels.
+#[inline(always)]
+fn fit(means: &mut Vec<Mean>, columns: usize, rows: usize) {
+    means.clear();
+    means.resize(columns.div_ceil(LANES) * rows, [[0.0; LANES]; NUMBERS]);
+}
 
 impl Tables<Spline> {
     /// For a cell of any shape. The mean is the second difference of the integral at the pixel's corners, or the share
@@ -12,40 +57,52 @@ impl Tables<Spline> {
     #[inline(always)]
     pub(super) fn fill_means<const N: usize>(&self, more_mm: f64, has_pixel: bool, scratch: &mut Scratch) {
         let Tables { share, integral, .. } = self;
-        let Scratch { edges, points, means, stencils, corners, .. } = scratch;
-        means.clear();
+        let Scratch { edges, points, means, stencils, corners: [above, below], .. } = scratch;
+        let (columns, count) = (points[0].len(), needed::<N>());
+        fit(means, columns, points[1].len());
         stencils.clear();
         if has_pixel {
-            stencils.extend(points[0].iter().map(|point| share.stencil(0, point.x)));
-            for y in points[1].iter().map(|point| share.stencil(1, point.x)) {
-                means.extend(stencils.iter().map(|x| mean(share.jet::<N>(x, &y, more_mm))));
+            for point in &points[0] {
+                stencils.push(share.stencil(0, point.x));
+            }
+            for (point, means) in points[1].iter().zip(means.chunks_mut(columns.div_ceil(LANES))) {
+                let y = share.stencil(1, point.x);
+                for (column, x) in stencils.iter().enumerate() {
+                    let jet = share.jet::<N>(x, &y, more_mm);
+                    let mean = &mut means[column / LANES];
+                    for n in 0..count {
+                        mean[n][column % LANES] = jet[n];
+                    }
+                }
             }
             return;
         }
-        stencils.extend(edges[0].iter().map(|edge| integral.stencil(0, edge.x)));
-        let [above, below] = corners;
-        for (row, edge) in edges[1].iter().enumerate() {
+        for edge in &edges[0] {
+            stencils.push(integral.stencil(0, edge.x));
+        }
+        let y = integral.stencil(1, edges[1][0].x);
+        below.clear();
+        for x in stencils.iter() {
+            below.push(integral.jet::<N>(x, &y, more_mm));
+        }
+        for (edges_y, means) in edges[1].windows(2).zip(means.chunks_mut(columns.div_ceil(LANES))) {
             std::mem::swap(above, below);
-            let y = integral.stencil(1, edge.x);
+            let y = integral.stencil(1, edges_y[1].x);
             below.clear();
-            below.extend(stencils.iter().map(|x| integral.jet::<N>(x, &y, more_mm)));
-            if row == 0 {
-                continue;
+            for x in stencils.iter() {
+                below.push(integral.jet::<N>(x, &y, more_mm));
             }
-            let height = edge.x - edges[1][row - 1].x;
-            for column in 1..stencils.len() {
-                let per_area = 1.0 / (height * (edges[0][column].x - edges[0][column - 1].x));
-                let (a, b, c, d) = (&above[column - 1], &above[column], &below[column - 1], &below[column]);
-                means.push(mean(std::array::from_fn(|k| per_area * ((a[k] - b[k]) - (c[k] - d[k])))));
+            let height = edges_y[1].x - edges_y[0].x;
+            let rows = above.windows(2).zip(below.windows(2)).zip(edges[0].windows(2));
+            for (column, ((upper, lower), edges_x)) in rows.enumerate() {
+                let per_area = 1.0 / (height * (edges_x[1].x - edges_x[0].x));
+                let mean = &mut means[column / LANES];
+                for n in 0..count {
+                    mean[n][column % LANES] = per_area * ((upper[0][n] - upper[1][n]) - (lower[0][n] - lower[1][n]));
+                }
             }
         }
     }
-}
-
-#[inline(always)]
-fn mean([level, x, y, xx, xy, yy, by_size, x_by, y_by, xx_by, xy_by, yy_by]: Jet) -> Mean {
-    let (slope_by_size, curve_by_size) = ([x_by, y_by], [xx_by, xy_by, yy_by]);
-    Mean { level, slope: [x, y], curve: [xx, xy, yy], by_size, slope_by_size, curve_by_size }
 }
 
 impl Tables<Cross> {
@@ -78,22 +135,35 @@ impl Tables<Cross> {
                 before = after;
             }
         }
-        means.clear();
-        for y in &jets[1] {
-            means.extend(jets[0].iter().map(|x| product(x, y)));
+        let columns = jets[0].len();
+        fit(means, columns, jets[1].len());
+        for (y, means) in jets[1].iter().zip(means.chunks_mut(columns.div_ceil(LANES).max(1))) {
+            for (column, x) in jets[0].iter().enumerate() {
+                product(x, y, &mut means[column / LANES], column % LANES);
+            }
         }
     }
 }
 
+/// Sets the mean of one of four pixels.
 #[inline(always)]
-fn product(x: &LineJet, y: &LineJet) -> Mean {
-    Mean {
-        level: x[0] * y[0],
-        slope: [x[1] * y[0], x[0] * y[1]],
-        curve: [x[2] * y[0], x[1] * y[1], x[0] * y[2]],
-        by_size: x[3] * y[0] + x[0] * y[3],
-        slope_by_size: [x[4] * y[0] + x[1] * y[3], x[3] * y[1] + x[0] * y[4]],
-        curve_by_size: [x[5] * y[0] + x[2] * y[3], x[4] * y[1] + x[1] * y[4], x[3] * y[2] + x[0] * y[5]],
+fn product(x: &LineJet, y: &LineJet, mean: &mut Mean, lane: usize) {
+    let numbers = [
+        x[0] * y[0],
+        x[1] * y[0],
+        x[0] * y[1],
+        x[2] * y[0],
+        x[1] * y[1],
+        x[0] * y[2],
+        x[3] * y[0] + x[0] * y[3],
+        x[4] * y[0] + x[1] * y[3],
+        x[3] * y[1] + x[0] * y[4],
+        x[5] * y[0] + x[2] * y[3],
+        x[4] * y[1] + x[1] * y[4],
+        x[3] * y[2] + x[0] * y[5],
+    ];
+    for (mean, number) in mean.iter_mut().zip(numbers) {
+        mean[lane] = number;
     }
 }
 
@@ -101,11 +171,18 @@ impl Spline {
     /// For a cell of any shape, at the hits of bent rays.
     #[inline(always)]
     pub(super) fn fill_means_at<const N: usize>(&self, more_mm: f64, scratch: &mut Scratch) {
-        let Scratch { hits, means, .. } = scratch;
-        means.clear();
-        means.extend(
-            hits.iter().map(|hit| mean(self.jet::<N>(&self.stencil(0, hit.x), &self.stencil(1, hit.y), more_mm))),
-        );
+        let Scratch { hits, points, means, .. } = scratch;
+        let columns = points[0].len();
+        fit(means, columns, points[1].len());
+        for (hits, means) in hits.chunks(columns).zip(means.chunks_mut(columns.div_ceil(LANES))) {
+            for (column, hit) in hits.iter().enumerate() {
+                let jet = self.jet::<N>(&self.stencil(0, hit.x), &self.stencil(1, hit.y), more_mm);
+                let mean = &mut means[column / LANES];
+                for n in 0..needed::<N>() {
+                    mean[n][column % LANES] = jet[n];
+                }
+            }
+        }
     }
 }
 
@@ -113,9 +190,15 @@ impl Cross {
     /// For a rectangle along the axes, at the hits of bent rays.
     #[inline(always)]
     pub(super) fn fill_means_at(&self, more_mm: f64, scratch: &mut Scratch) {
-        let Scratch { hits, means, .. } = scratch;
-        means.clear();
+        let Scratch { hits, points, means, .. } = scratch;
+        let columns = points[0].len();
+        fit(means, columns, points[1].len());
         let [x, y] = [self.line(0), self.line(1)];
-        means.extend(hits.iter().map(|hit| product(&x.jet(hit.x, more_mm), &y.jet(hit.y, more_mm))));
+        for (hits, means) in hits.chunks(columns).zip(means.chunks_mut(columns.div_ceil(LANES))) {
+            for (column, hit) in hits.iter().enumerate() {
+                let (x, y) = (x.jet(hit.x, more_mm), y.jet(hit.y, more_mm));
+                product(&x, &y, &mut means[column / LANES], column % LANES);
+            }
+        }
     }
 }

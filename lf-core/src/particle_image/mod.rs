@@ -39,7 +39,6 @@ mod edge_sums;
 mod factor;
 mod lenslet_image;
 mod lenslet_lines;
-mod mean;
 mod means;
 mod model;
 mod normal;

@@ -1,7 +1,7 @@
 //! The image of a particle, lenslet by lenslet.
 
 use super::beam::{Beam, Tracer};
-use super::cell_surface::{REACH_SIGMA, Surfaces, Tables, nearest};
+use super::cell_surface::{Ladder, REACH_SIGMA, Surfaces, half_sides};
 use super::lenslet_image::{LIGHT, LensletImage, Listed, PLACES, Patch, QUANTITIES, Scratch};
 use super::lenslet_lines::LensletLines;
 use super::sensor_blur::SensorBlur;
@@ -17,7 +17,7 @@ pub struct ParticleModel {
     pub(super) view: View,
     tracer: Tracer,
     lines: LensletLines,
-    /// Tables for spots on the array, the smallest first.
+    /// Tables for spots on the array.
     surfaces: Surfaces,
     /// Standard deviation of a particle, mm.
     sigma_mm: f64,
@@ -29,19 +29,29 @@ pub struct ParticleModel {
 const TABLE_RATIO: f64 = 1.04;
 /// [`TABLE_RATIO`] for a blurred camera, whose spots grow much with the distance from focus.
 const BLURRED_TABLE_RATIO: f64 = 1.08;
-/// Smallest width of the stop under a lenslet, px, for which the tables are wide enough.
-const LEAST_PX_BY_STOP: f64 = 2.0;
+/// The largest table, pitches of the lenslets.
+const MOST_PITCHES: f64 = 8.0;
 /// Spots smaller than this are drawn at this size, pixel pitches on the array.
 const LEAST_SPOT_PX: f64 = 0.05;
 /// Largest distance of the ends of a cell's edges from those along the axes for which they are taken as one, px.
 const MOST_TURN_PX: f64 = 0.06;
-/// Depths tried for the range of sizes.
-const DEPTHS: usize = 9;
+/// Cells whose corners lie this near to each other share their tables, px: an edge moves by a thousandth of a spot.
+const ALIKE_PX: f64 = 5e-4;
 
 impl ParticleModel {
     /// For particles of standard deviation `sigma_mm` within `depth_mm`. Refuses depths that no camera sees (see
     /// [`check_depth_mm`]), and a size that is not above 0 or wider than two lenslets.
     pub fn new(camera: &Camera, sigma_mm: f64, depth_mm: [f64; 2]) -> Result<Self, Refusal> {
+        Self::from(None, camera, sigma_mm, depth_mm)
+    }
+
+    /// The model of another size, or of a camera that was moved a little. It shares the tables where the cell is the
+    /// same, and then costs little. Refuses what [`Self::new`] refuses.
+    pub fn reshaped(&self, camera: &Camera, sigma_mm: f64, depth_mm: [f64; 2]) -> Result<Self, Refusal> {
+        Self::from(Some(&self.surfaces), camera, sigma_mm, depth_mm)
+    }
+
+    fn from(known: Option<&Surfaces>, camera: &Camera, sigma_mm: f64, depth_mm: [f64; 2]) -> Result<Self, Refusal> {
         depth_mm.into_iter().try_for_each(|z| check_depth_mm(camera, z))?;
         let optics = Optics::new(camera);
         let tracer = Tracer::new(camera);
@@ -49,37 +59,24 @@ impl ParticleModel {
         let found = || format!("a particle of {sigma_mm} mm");
         let is_fit = sigma_mm > 0.0 && sigma_mm * optics.beta(0.0) < 2.0 * pitch_mm;
         Refusal::unless(is_fit, found, "wanted more than 0, less than two lenslets at the focal plane")?;
-        let [low, high] = depth_mm;
-        let depths = (0..DEPTHS).map(|n| low + (high - low) * n as f64 / (DEPTHS - 1) as f64);
-        let beams: Vec<Beam> = depths.map(|z| tracer.beam(&optics, [0.0, 0.0, z])).collect();
-        let lines = LensletLines::new(&optics, pitch_mm);
-        let least_mm = LEAST_SPOT_PX * optics.pixel_pitch_mm;
         let blur = SensorBlur::new(camera);
-        let least = beams.iter().fold(f64::INFINITY, |least, beam| least.min(beam.beta));
-        let size = |beam: &Beam| match &blur {
-            None => beam.beta,
-            Some(blur) => {
-                let spot_mm = (sigma_mm * beam.beta).max(least_mm);
-                let px_by_stop = lines.fewest_px_by_stop(beam.alpha).max(LEAST_PX_BY_STOP / optics.half_aperture_mm);
-                blur.widened(spot_mm, beam.alpha, px_by_stop, beam.is_bent()).sigma_mm / sigma_mm
-            }
-        };
-        let most = beams.iter().fold(0f64, |most, beam| most.max(size(beam)));
         let ratio = if blur.is_some() { BLURRED_TABLE_RATIO } else { TABLE_RATIO };
-        let count = ((most / least).ln() / ratio.ln()).ceil().max(1.0) as usize;
-        let step = (most / least).powf(1.0 / count as f64);
+        let sizes: Vec<f64> =
+            std::iter::successors(Some(LEAST_SPOT_PX * optics.pixel_pitch_mm), |size| Some(ratio * size))
+                .take_while(|size| *size < MOST_PITCHES * pitch_mm)
+                .collect();
         let corners = cell(&optics, pitch_mm, blur.is_some());
-        let spot = |n: usize| sigma_mm * least * step.powf(n as f64 + 0.5);
-        let sizes: Vec<f64> = (0..count).map(|n| spot(n).max(least_mm)).collect();
+        let alike_mm = ALIKE_PX * optics.pixel_pitch_mm;
+        let known = known.filter(|surfaces| surfaces.are_for(&corners, &sizes, alike_mm)).cloned();
         let has_round_stop = camera.main_lens.aperture == Aperture::Circle;
         let half = optics.half_aperture_mm;
         Ok(Self {
-            lines,
-            surfaces: Surfaces::new(&corners, &sizes),
+            lines: LensletLines::new(&optics, pitch_mm),
+            surfaces: known.unwrap_or_else(|| Surfaces::new(&corners, &sizes)),
             sigma_mm,
             alpha_by_z: tracer.beam(&optics, [0.0; 3]).alpha_by[2],
             view: View {
-                corner: corners.iter().fold(DVec2::ZERO, |half, corner| half.max(corner.abs())),
+                corner: half_sides(&corners),
                 pitch_mm,
                 has_round_stop,
                 stop_mm2: if has_round_stop { PI * half * half } else { 4.0 * half * half },
@@ -168,8 +165,8 @@ impl ParticleModel {
         let beam = self.tracer.beam(&self.view.optics, place_mm);
         let spot_mm = (self.sigma_mm * beam.beta).max(LEAST_SPOT_PX * self.view.optics.pixel_pitch_mm);
         match &self.surfaces {
-            Surfaces::Any(surfaces) => self.visit_lenslets::<_, N>(&beam, surfaces, spot_mm, scratch, found),
-            Surfaces::Rectangle(surfaces) => self.visit_lenslets::<_, N>(&beam, surfaces, spot_mm, scratch, found),
+            Surfaces::Any(ladder) => self.visit_lenslets::<_, N>(&beam, ladder, spot_mm, scratch, found),
+            Surfaces::Rectangle(ladder) => self.visit_lenslets::<_, N>(&beam, ladder, spot_mm, scratch, found),
         }
     }
 
@@ -177,12 +174,12 @@ impl ParticleModel {
     fn visit_lenslets<T: Listed, const N: usize>(
         &self,
         beam: &Beam,
-        surfaces: &[Tables<T>],
+        ladder: &Ladder<T>,
         spot_mm: f64,
         scratch: &mut Scratch,
         mut found: impl FnMut(Patch, &[[f64; QUANTITIES]]),
     ) {
-        let tables = nearest(surfaces, spot_mm);
+        let tables = ladder.nearest(spot_mm);
         let margin = self.view.corner + REACH_SIGMA * spot_mm + beam.most_bend_mm;
         let image = LensletImage {
             view: &self.view,
@@ -205,7 +202,7 @@ impl ParticleModel {
             let by_shift = self.lines.by_shift;
             let patch = match (T::by_axes::<N>(&image, line, by_shift, scratch), &self.view.blur) {
                 (Some(patch), _) => patch,
-                (None, Some(blur)) => image.blurred::<N>((blur, surfaces), line, by_shift, scratch),
+                (None, Some(blur)) => image.blurred::<N>((blur, ladder), line, by_shift, scratch),
                 (None, None) => image.integrate::<N>(line, by_shift, scratch),
             };
             if let Some(patch) = patch {

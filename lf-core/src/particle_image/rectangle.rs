@@ -84,7 +84,9 @@ impl LensletImage<'_, Cross> {
         let per_stop = self.view.blur.as_ref().map_or(1.0, |blur| blur.share) / self.view.stop_mm2;
         for b in &row.factors {
             let b = b.mix(per_stop, b, 0.0);
-            pixels.extend(column.factors.iter().map(|a| product::<N>(a, &b)));
+            for a in &column.factors {
+                pixels.push(product::<N>(a, &b));
+            }
         }
         let [columns, rows] = [column.end - column.first, row.end - row.first].map(|count| count as u32);
         Some(Patch { column: column.first as u32, row: row.first as u32, columns, rows })

@@ -2,6 +2,7 @@
 
 use super::normal::{density, distribution};
 use crate::{Camera, halo::Halo};
+use glam::DVec4;
 
 /// Blur of a camera, as the images of particles see it.
 #[derive(Debug, Clone)]
@@ -52,12 +53,16 @@ impl SensorBlur {
 
     /// The spot of a particle on the array, widened by the blur. `px_by_stop` is how many pixels a millimetre of the
     /// stop covers.
+    #[inline(always)]
     pub(super) fn widened(&self, spot_mm: f64, alpha: f64, px_by_stop: f64, is_bent: bool) -> Widened {
         let pixel_mm = 1.0 / px_by_stop.abs();
         let along = (alpha * pixel_mm).abs();
         let mut variance_px = self.sigma_px * self.sigma_px;
         // Bent rays are followed through the middle of each pixel.
-        let has_pixel = is_bent || along < SMALL * spot_mm.hypot(along * self.sigma_px);
+        let has_pixel = is_bent || {
+            let blur_mm = along * self.sigma_px;
+            along < SMALL * (spot_mm * spot_mm + blur_mm * blur_mm).sqrt()
+        };
         if has_pixel {
             variance_px += PIXEL_VARIANCE;
         }
@@ -72,9 +77,9 @@ impl SensorBlur {
     }
 }
 
-/// The normal distribution as a table.
+/// The normal distribution as a table: a cubic a step.
 #[derive(Debug, Clone)]
-pub(super) struct Bell(Vec<[f64; 2]>);
+pub(super) struct Bell(Vec<[f64; 4]>);
 
 /// Range and nodes of the table.
 const BELL_REACH: f64 = 5.0;
@@ -84,7 +89,12 @@ impl Bell {
     fn new() -> Self {
         let count = (2.0 * BELL_REACH * BELL_STEPS) as usize;
         let at = |n: usize| n as f64 / BELL_STEPS - BELL_REACH;
-        Self((0..=count + 1).map(|n| [distribution(at(n)), density(at(n)) / BELL_STEPS]).collect())
+        let ends: Vec<[f64; 2]> = (0..=count + 1).map(|n| [distribution(at(n)), density(at(n)) / BELL_STEPS]).collect();
+        let cubic = |ends: &[[f64; 2]]| {
+            let ([a, da], [b, db]) = (ends[0], ends[1]);
+            [a, da, 3.0 * (b - a) - 2.0 * da - db, 2.0 * (a - b) + da + db]
+        };
+        Self(ends.windows(2).map(cubic).collect())
     }
 
     /// Distribution and density; None far below 0. By cubics, to 1e-8.
@@ -99,9 +109,16 @@ impl Bell {
         }
         let n = place as usize;
         let t = place - n as f64;
-        let ([a, da], [b, db]) = (self.0[n], self.0[n + 1]);
-        let (c, d) = (3.0 * (b - a) - 2.0 * da - db, 2.0 * (a - b) + da + db);
-        Some((a + t * (da + t * (c + t * d)), BELL_STEPS * (da + t * (2.0 * c + 3.0 * t * d))))
+        let [a, b, c, d] = self.0[n];
+        Some((a + t * (b + t * (c + t * d)), BELL_STEPS * (b + t * (2.0 * c + 3.0 * t * d))))
+    }
+
+    /// Distribution and density of four places; 0 far below 0.
+    #[inline(always)]
+    pub(super) fn four(&self, z: DVec4) -> (DVec4, DVec4) {
+        let at = |z: f64| self.at(z).unwrap_or_default();
+        let [a, b, c, d] = [at(z.x), at(z.y), at(z.z), at(z.w)];
+        (DVec4::new(a.0, b.0, c.0, d.0), DVec4::new(a.1, b.1, c.1, d.1))
     }
 }
 

@@ -66,6 +66,16 @@ impl Shape {
         ParticleModel::new(&self.camera(camera), self.sigma_px * camera.pixel_in_focus_mm(), depth_mm)
     }
 
+    /// The same, after a model of another shape of the camera.
+    pub(crate) fn model_after(
+        &self,
+        other: &ParticleModel,
+        camera: &Camera,
+        depth_mm: [f64; 2],
+    ) -> Result<ParticleModel, Refusal> {
+        other.reshaped(&self.camera(camera), self.sigma_px * camera.pixel_in_focus_mm(), depth_mm)
+    }
+
     /// The first shape of a camera: its own blur.
     pub(crate) fn first(&self, camera: &Camera) -> Self {
         let blur_px = camera.blur.map(|blur| blur.sigma_px.clamp(BLURS_PX[0], BLURS_PX[1]));

@@ -89,13 +89,13 @@ impl<'a> CameraView<'a> {
 
     /// The camera with another shape and other depths, without expected counts.
     pub(crate) fn reshaped(&self, shape: Shape, depth_mm: [f64; 2]) -> Result<Self, Refusal> {
-        let model = shape.model(self.camera, depth_mm)?;
+        let model = shape.model_after(&self.model, self.camera, depth_mm)?;
         Ok(Self { shape, depth_mm, model, expected: Vec::new(), halo: None, ..*self })
     }
 
     /// Takes a shape and its standard uncertainties.
     pub(crate) fn set_shape(&mut self, shape: Shape, std_px: [f64; SHAPES]) -> Result<(), Refusal> {
-        self.model = shape.model(self.camera, self.depth_mm)?;
+        self.model = shape.model_after(&self.model, self.camera, self.depth_mm)?;
         (self.shape, self.shape_std_px) = (shape, std_px);
         Ok(())
     }

@@ -160,14 +160,13 @@ impl ParticleImage {
         };
         for row in top..bottom {
             let first = (row - patch.row as usize) * patch.columns as usize + left - patch.column as usize;
-            let line = pixels[first..first + right - left].iter();
             // The chain rule. An identity costs nothing.
-            match rotation {
-                None => self.pixels.extend(line.map(|pixel| numbers([pixel[1], pixel[2], pixel[3]], pixel))),
-                Some([a, b, c]) => self.pixels.extend(line.map(|pixel| {
-                    let along = |k: usize| a[k] * pixel[1] + b[k] * pixel[2] + c[k] * pixel[3];
-                    numbers([along(0), along(1), along(2)], pixel)
-                })),
+            for pixel in &pixels[first..first + right - left] {
+                let by = match rotation {
+                    None => [pixel[1], pixel[2], pixel[3]],
+                    Some([a, b, c]) => [0, 1, 2].map(|k| a[k] * pixel[1] + b[k] * pixel[2] + c[k] * pixel[3]),
+                };
+                self.pixels.push(numbers(by, pixel));
             }
         }
     }
