@@ -1,5 +1,6 @@
 //! Opens an image in any of the formats, also as a frame whose background and flat field are removed; saves it.
 
+use super::black::ClippedBlack;
 use super::clipped::clipped_share;
 use super::{
     channel::Channel,
@@ -50,6 +51,8 @@ pub struct Frame {
     pub history: History,
     /// Level, counts, and share of the pixels that were clipped when the frame was taken: see [`clipped_share`].
     pub clipped: Option<(f32, f64)>,
+    /// Its black level, if it was clipped when the frame was taken.
+    pub black: Option<ClippedBlack>,
 }
 
 /// Reads a frame, subtracts the background, sets negative results to 0, and divides by the flat field
@@ -62,11 +65,11 @@ pub fn open_frame(
     camera_file: &Path,
     channel: Option<Channel>,
 ) -> Result<Frame> {
-    read_frame(path, background, (camera, camera_file), channel, |pixel| pixel.max(0.0))
+    read_frame(path, background, (camera, camera_file), channel, false)
 }
 
 /// Like [`open_frame`], but pixels darker than the background stay negative, so that their mean is that of the light. A
-/// fit needs this.
+/// fit needs this. Pixels at a clipped black level get the mean of what was cut off.
 pub fn open_signed_frame(
     path: &Path,
     background: Option<&Path>,
@@ -74,31 +77,37 @@ pub fn open_signed_frame(
     camera_file: &Path,
     channel: Option<Channel>,
 ) -> Result<Frame> {
-    read_frame(path, background, (camera, camera_file), channel, |pixel| pixel)
+    read_frame(path, background, (camera, camera_file), channel, true)
 }
 
-/// `held` turns the difference from the background into a pixel.
+/// `is_signed` keeps negative differences from the background.
 fn read_frame(
     path: &Path,
     background: Option<&Path>,
     (camera, camera_file): (&Camera, &Path),
     channel: Option<Channel>,
-    held: impl Fn(f32) -> f32,
+    is_signed: bool,
 ) -> Result<Frame> {
     let mut image = finite(Stack::open(path)?.only(channel)?, &io::name(path))?;
     let (height, width) = image.pixels.dim();
     camera.check_image(&io::name(path), width, height)?;
     let clipped = clipped_share(image.pixels.view());
+    let black = ClippedBlack::of(image.pixels.view());
+    if let Some(black) = black.filter(|_| is_signed) {
+        image.pixels.mapv_inplace(|pixel| black.unclipped(pixel));
+    }
     if let Some(file) = background {
         let dark = like("background", file, path, &image, channel)?;
         image.pixels -= &dark;
     }
-    image.pixels.mapv_inplace(held);
+    if !is_signed {
+        image.pixels.mapv_inplace(|pixel| pixel.max(0.0));
+    }
     if let Some(file) = camera.flat_field(camera_file) {
         let flat = like("flat field", &file, path, &image, channel)?;
         image.pixels.zip_mut_with(&flat, |pixel, flat| *pixel = if *flat < BLIND { f32::NAN } else { *pixel / flat });
     }
-    Ok(Frame { pixels: image.pixels, history: image.history, clipped })
+    Ok(Frame { pixels: image.pixels, history: image.history, clipped, black })
 }
 
 /// Pixels of `file`, which must be as large as the frame; `what` names it in the message.

@@ -24,6 +24,7 @@
 //! **Colour.** RGB in any of these formats is read as grey if its channels are equal in every pixel; otherwise a
 //! [`Channel`] must be chosen. Full alpha is ignored; other alpha is refused unless a channel is chosen.
 
+mod black;
 mod channel;
 mod clipped;
 mod decode;
@@ -35,6 +36,7 @@ mod png;
 mod stack;
 mod tiff;
 
+pub use black::ClippedBlack;
 pub use channel::Channel;
 pub use clipped::clipped_share;
 pub use decode::Image;
