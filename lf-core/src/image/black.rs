@@ -1,7 +1,7 @@
 //! A black level that is clipped: the dark pixels of a camera without an offset are half a normal distribution.
 
 use crate::statistics::Ordered;
-use ndarray::{ArrayView2, s};
+use ndarray::{Array2, ArrayView2, s};
 use rayon::prelude::*;
 use std::f64::consts::TAU;
 
@@ -64,14 +64,14 @@ impl ClippedBlack {
         is_normal.then(|| Self { level: lowest, share, noise, black, cut: black - noise * density / share })
     }
 
-    /// What a pixel would be without clipping, on average over dark pixels. A black level below the lowest count is
-    /// raised to it, because no background shows it.
+    /// Replaces each pixel by what it would be without clipping, on average over dark pixels. A black level below the
+    /// lowest count is raised to it, because no background shows it.
     ///
     /// The mean of many such pixels follows any light to 0.05 of the noise; to 0.2 of it where the black level lies below
     /// the lowest count.
-    pub(super) fn unclipped(&self, pixel: f32) -> f32 {
-        let pixel = if pixel <= self.level { self.cut as f32 } else { pixel };
-        pixel - (self.black as f32 - self.level).min(0.0)
+    pub fn unclip(&self, image: &mut Array2<f32>) {
+        let below = (self.black as f32 - self.level).min(0.0);
+        image.mapv_inplace(|pixel| if pixel <= self.level { self.cut as f32 } else { pixel } - below);
     }
 }
 
@@ -108,7 +108,6 @@ fn normal_quantile(share: f64) -> f64 {
 mod tests {
     use super::*;
     use crate::image::clipped::tests::uniform;
-    use ndarray::Array2;
 
     /// Noise about a black level, with light on some 5 x 5 squares, before rounding and clipping.
     fn frame(noise: f64, black: f64, lit: f64, seed: u64) -> Array2<f32> {
@@ -182,8 +181,9 @@ mod tests {
         for black in [0.0, -3.0] {
             let found = of(&counts(&frame(4.0, black, 0.1, 2))).unwrap();
             for light in [0.0, 1.0, 2.0, 4.0, 8.0, 40.0] {
-                let seen = counts(&frame(4.0, black + light, 0.0, 3));
-                let mean = seen.iter().map(|pixel| f64::from(found.unclipped(*pixel))).sum::<f64>() / 360_000.0;
+                let mut seen = counts(&frame(4.0, black + light, 0.0, 3));
+                found.unclip(&mut seen);
+                let mean = seen.iter().map(|pixel| f64::from(*pixel)).sum::<f64>() / 360_000.0;
                 let most = if black < 0.0 { 0.2 } else { 0.06 };
                 assert!((mean - light).abs() < most * 4.0, "{black} {light}: {mean} of {found:?}");
             }

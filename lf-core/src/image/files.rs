@@ -43,9 +43,18 @@ pub fn frames(paths: &[PathBuf]) -> Vec<PathBuf> {
 /// A pixel that counts less than this fraction of its light is blind: the flat field would multiply its noise by 20.
 pub const BLIND: f32 = 0.05;
 
+/// Images of the sensor's size that belong to a frame.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct FrameFiles<'a> {
+    /// Subtracted first.
+    pub background: Option<&'a Path>,
+    /// 0 where a wall or a reflection hides the particles. Such pixels count as blind.
+    pub mask: Option<&'a Path>,
+}
+
 /// A frame without its background and flat field.
 pub struct Frame {
-    /// Counts, shape (height, width); NaN where the pixel is blind.
+    /// Counts, shape (height, width); NaN where the pixel is blind or masked.
     pub pixels: Array2<f32>,
     /// The steps that led to it; empty if the file has none.
     pub history: History,
@@ -56,34 +65,34 @@ pub struct Frame {
 }
 
 /// Reads a frame, subtracts the background, sets negative results to 0, and divides by the flat field
-/// of `camera`, which was read from `camera_file`. Pixels below [`BLIND`] become NaN. All images are sensor-sized. A
-/// frame of floating-point pixels may be negative: its background is subtracted already.
+/// of `camera`, which was read from `camera_file`. Pixels below [`BLIND`] and masked ones become NaN. All images are
+/// sensor-sized. A frame of floating-point pixels may be negative: its background is subtracted already.
 pub fn open_frame(
     path: &Path,
-    background: Option<&Path>,
+    files: FrameFiles,
     camera: &Camera,
     camera_file: &Path,
     channel: Option<Channel>,
 ) -> Result<Frame> {
-    read_frame(path, background, (camera, camera_file), channel, false)
+    read_frame(path, files, (camera, camera_file), channel, false)
 }
 
 /// Like [`open_frame`], but pixels darker than the background stay negative, so that their mean is that of the light. A
 /// fit needs this. Pixels at a clipped black level get the mean of what was cut off.
 pub fn open_signed_frame(
     path: &Path,
-    background: Option<&Path>,
+    files: FrameFiles,
     camera: &Camera,
     camera_file: &Path,
     channel: Option<Channel>,
 ) -> Result<Frame> {
-    read_frame(path, background, (camera, camera_file), channel, true)
+    read_frame(path, files, (camera, camera_file), channel, true)
 }
 
 /// `is_signed` keeps negative differences from the background.
 fn read_frame(
     path: &Path,
-    background: Option<&Path>,
+    files: FrameFiles,
     (camera, camera_file): (&Camera, &Path),
     channel: Option<Channel>,
     is_signed: bool,
@@ -91,17 +100,23 @@ fn read_frame(
     let mut image = finite(Stack::open(path)?.only(channel)?, &io::name(path))?;
     let (height, width) = image.pixels.dim();
     camera.check_image(&io::name(path), width, height)?;
+    if let Some(file) = files.mask {
+        let mask = like("mask", file, path, &image, channel)?;
+        Refusal::unless(mask.iter().any(|value| *value > 0.0), || "all pixels are 0", "wanted pixels that are used")
+            .map_err(|refusal| refusal.about(io::name(file)))?;
+        image.pixels.zip_mut_with(&mask, |pixel, used| *pixel = if *used > 0.0 { *pixel } else { f32::NAN });
+    }
     let clipped = clipped_share(image.pixels.view());
     let black = ClippedBlack::of(image.pixels.view());
     if let Some(black) = black.filter(|_| is_signed) {
-        image.pixels.mapv_inplace(|pixel| black.unclipped(pixel));
+        black.unclip(&mut image.pixels);
     }
-    if let Some(file) = background {
+    if let Some(file) = files.background {
         let dark = like("background", file, path, &image, channel)?;
         image.pixels -= &dark;
     }
     if !is_signed {
-        image.pixels.mapv_inplace(|pixel| pixel.max(0.0));
+        image.pixels.mapv_inplace(|pixel| if pixel < 0.0 { 0.0 } else { pixel });
     }
     if let Some(file) = camera.flat_field(camera_file) {
         let flat = like("flat field", &file, path, &image, channel)?;
