@@ -23,7 +23,8 @@
 //!
 //! fn main() -> lf_core::Result<()> {
 //!     let camera = Camera::open("camera.json".as_ref())?;
-//!     let image = image::open_frame("frame.exr".as_ref(), FrameFiles::default(), &camera, "camera.json".as_ref(), None)?.pixels;
+//!     let file = "camera.json".as_ref();
+//!     let image = image::open_frame("frame.exr".as_ref(), FrameFiles::default(), &camera, file, None)?.pixels;
 //!     let support = Volume::open("support.lfv".as_ref())?;
 //!     let (grid, optics) = (support.grid(), Optics::new(&camera));
 //!

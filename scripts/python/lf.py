@@ -646,7 +646,7 @@ class Camera:
     # A lattice counts as not turned if its rotation moves no lenslet on the sensor by more than this.
     IN_LINE_PX = 0.02
     SNELL_STEPS, PUPIL_STEPS, LATTICE_STEPS = 2, 4, 3  # Newton and fixed-point steps, as in lf-core.
-    LEAST_COSINE2 = 0.05  # Of a ray before a telecentric lens.
+    LEAST_COSINE2 = 0.05  # For rays before a telecentric lens.
     FARTHEST = 1.5  # Radii beyond which the departure of the lenslets stays constant.
     BLOCKS = {"frame", "sensor", "main_lens", "microlenses", "distortion", "tilt", "medium", "blur", "sensor_noise"}
     BLOCKS |= {"centres", "vignetting", "pose", "calibration"}

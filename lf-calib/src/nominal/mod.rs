@@ -2,7 +2,8 @@
 //!
 //! In: lengths and f-numbers of the data sheets, and the liquid that the camera looks into. Out: a camera, which of its
 //! parts do not fit, and what an experiment should know of it.
-//! Open first: `data_sheet.rs`; `advice.rs` derives depths, `sheet.rs` the best of them, `warnings.rs` compares the parts.
+//! Open first: `data_sheet.rs`; `advice.rs` derives depths, `sheet.rs` the best of them, and
+//! `warnings.rs` compares the parts.
 
 mod advice;
 pub(crate) mod data_sheet;

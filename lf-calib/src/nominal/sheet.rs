@@ -17,7 +17,7 @@ const PLACES: [[f64; 2]; 5] = [[0.03, 0.05], [0.27, 0.14], [0.41, 0.36], [-0.22,
 /// Light, x, y and z of a particle.
 const UNKNOWNS: usize = 4;
 
-/// Depths at which the image of a particle alone tells its depth well.
+/// Depths at which the image of a particle alone shows its depth well.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LightSheet {
     /// Ends of the good depths away from the camera and towards it, in rising order, mm.
@@ -26,7 +26,7 @@ pub struct LightSheet {
     pub std_mm: f64,
 }
 
-/// The good depths of a camera, within its useful ones. None if no image tells a depth.
+/// The good depths of a camera, within its useful ones. None if no image shows a depth.
 ///
 /// The uncertainty is the Cramer-Rao bound of a particle whose place and light are unknown, as `lf-validate precision`
 /// has it for many.

@@ -49,7 +49,7 @@ impl Screen {
         let _ = self.bars.as_ref().map_or_else(print, |bars| bars.suspend(print));
     }
 
-    /// Prints a line of progress, unless there was one in the last ten seconds. For work of unknown length, without a bar.
+    /// Prints a line of progress, unless there was one in the last ten seconds. For work of unknown length.
     pub(super) fn print_progress(&self, line: &str) {
         if let Some(pace) = &self.pace {
             pace.print(|| line.to_owned());

@@ -103,8 +103,8 @@ impl Session {
         }
     }
 
-    /// Explains a step of long work: with `--verbose` always, otherwise as progress, unless there was a line of it in the
-    /// last ten seconds.
+    /// Explains a step of long work: with `--verbose` always, otherwise as progress, unless there was a line of it
+    /// in the last ten seconds.
     pub fn explain_step(&self, line: impl AsRef<str>) {
         if self.is_verbose() {
             self.print(line.as_ref());

@@ -67,8 +67,8 @@ impl ClippedBlack {
     /// Replaces each pixel by what it would be without clipping, on average over dark pixels. A black level below the
     /// lowest count is raised to it, because no background shows it.
     ///
-    /// The mean of many such pixels follows any light to 0.05 of the noise; to 0.2 of it where the black level lies below
-    /// the lowest count.
+    /// The mean of many such pixels follows any light to 0.05 of the noise; to 0.2 of it where the black level lies
+    /// below the lowest count.
     pub fn unclip(&self, image: &mut Array2<f32>) {
         let below = (self.black as f32 - self.level).min(0.0);
         image.mapv_inplace(|pixel| if pixel <= self.level { self.cut as f32 } else { pixel } - below);
