@@ -47,6 +47,9 @@ REFINE =
 BACKGROUND = auto
 QUANTILE = 0.05
 
+# An image of the frames' size that is 0 where walls and reflections hide the particles, or nothing.
+MASK =
+
 # The volume: pixels per voxel, depth and sides in mm. Without pixels per voxel: by the preset and the camera's depth
 # resolution. Without sides: what the sensor sees.
 PVR =
@@ -237,24 +240,25 @@ $(OUT)/background-%.exr: $(NOMINAL) | $(LOG)
 # One line per stage. Only our own lf-prune and lf-mart know presets, and lf-mart a log of its sweeps; a swapped stage
 # does not get the options.
 flow-of = $(if $(FLOW),$(OUT)/flow-$1.exr)
-given = $(call file-of,$1) $(CAMERA) $(call background-of,$1)
+given = $(call file-of,$1) $(CAMERA) $(call background-of,$1) $(MASK)
+hidden = $(addprefix --mask ,$(MASK))
 fields-of = $(foreach pair,$(pairs),$(if $(filter $1,$(call split,$(pair))),$(OUT)/field-$(pair).exr $(call flow-of,$(pair))))
 preset = $(if $(filter lf-prune lf-mart,$(notdir $(firstword $1))),$(addprefix --preset ,$(PRESET)))
 sweeps = $(if $(filter lf-mart,$(notdir $(firstword $(MART)))),--log $(OUT)/volume-$1.sweeps.jsonl)
 
 $(supports): $(OUT)/support-%.lfv: $$(call given,$$*) | $(LOG)
-	$(call step,$(PRUNE) $(call frame-of,$*) -c $(CAMERA) $(call subtract,$*) $(colour) $(addprefix --pvr ,$(PVR)) --depth $(DEPTH) \
+	$(call step,$(PRUNE) $(call frame-of,$*) -c $(CAMERA) $(call subtract,$*) $(hidden) $(colour) $(addprefix --pvr ,$(PVR)) --depth $(DEPTH) \
 	    $(addprefix --bounds ,$(BOUNDS)) $(call preset,$(PRUNE)) $(addprefix --threshold ,$(THRESHOLD)) $(PRUNE_FLAGS),\
 	    $(OUT)/volume-$*.lfv $(call fields-of,$*))
 
 # lf-fit writes its table, --particles, before the volume.
-fitting = $(FITTER) $< -i $(call frame-of,$1) -c $(CAMERA) $(call subtract,$1) $(colour) $(FIT_FLAGS)
+fitting = $(FITTER) $< -i $(call frame-of,$1) -c $(CAMERA) $(call subtract,$1) $(hidden) $(colour) $(FIT_FLAGS)
 table-of = $(OUT)/particles-$1.csv
 $(volumes): $(OUT)/volume-%.lfv: $(OUT)/support-%.lfv $$(call given,$$*) | $(LOG)
 ifneq ($(draws),)
 	$(call step,$(call fitting,$*) --particles $(call table-of,$*),$(call table-of,$*) $(call fields-of,$*))
 else
-	$(call step,$(MART) $< -i $(call frame-of,$*) -c $(CAMERA) $(call subtract,$*) $(colour) $(call preset,$(MART)) \
+	$(call step,$(MART) $< -i $(call frame-of,$*) -c $(CAMERA) $(call subtract,$*) $(hidden) $(colour) $(call preset,$(MART)) \
 	    $(addprefix --iterations ,$(ITERATIONS)) $(call sweeps,$*) $(MART_FLAGS),$(call fields-of,$*))
 endif
 	$(if $(TIDY),@rm -f $<)

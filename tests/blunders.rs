@@ -11,8 +11,9 @@ const CAMERAS: [[&str; 3]; 4] = [
     ["hexagonal", "0.003", "circle"],
 ];
 
+/// Without `bits`, so that the black level is not clipped.
 const NOISE: &str =
-    r#"sensor_noise={"gain_counts_per_electron": 0.2, "photon_noise": true, "read_noise_electrons": 12, "bits": 12}"#;
+    r#"sensor_noise={"gain_counts_per_electron": 0.2, "photon_noise": true, "read_noise_electrons": 12}"#;
 
 /// Particles of a ninth of the volume of `core`, by a camera, with more keys.
 fn rendered([layout, turn, stop]: [&str; 3], more: &[&str]) -> Folder {

@@ -1,10 +1,13 @@
 //! Stages of `scripts/examples` in place of our tools, and files that other libraries read. `PYTHON` names the Python
 //! that runs them (python3). A test whose Python module is missing says so in one line and passes.
 
+use glam::DVec2;
 use lf_core::field::{MEASURED, NO_DATA};
-use lf_core::{Field, Grid, History, VectorGrid, Volume, history::Step, volume};
+use lf_core::{Camera, Field, Grid, History, Optics, VectorGrid, Volume, history::Step, volume};
 use lf_tests::Call;
 use lf_tests::tools::workspace;
+use rand::RngExt;
+use rand_pcg::Pcg64Mcg;
 use serde_json::{Value, json};
 use std::env;
 use std::ffi::OsString;
@@ -96,6 +99,61 @@ fn agreement(ours: &Path, theirs: &Path) -> f64 {
     assert!(ours.grid().agrees_with(theirs.grid()), "{} {}", ours.grid(), theirs.grid());
     let common = ours.indices().iter().filter(|index| theirs.indices().binary_search(index).is_ok()).count();
     common as f64 / ours.count().max(theirs.count()) as f64
+}
+
+/// Every kind of camera: rays at random meet the sensor where those of lf-core do.
+#[test]
+fn python_traces_the_rays_of_every_camera() {
+    let cameras = [
+        json!({}),
+        json!({"microlenses": {"layout": "hexagonal", "rotation_rad": 0.02, "gap_mm": 0.3}}),
+        json!({"distortion": {"radial": [5, -30, 100], "tangential": [0.01, -0.02]}, "tilt": {"x_rad": 0.02, "y_rad": -0.01}}),
+        json!({"centres": {"radius_mm": 3, "x_mm": [0.01, -0.02, 0.01, 0.003, -0.01], "y_mm": [0.0, 0.01, -0.01, 0.02, 0.01]}}),
+        json!({"medium": {"index": 1.333, "window_z_mm": 30, "window_thickness_mm": 8, "window_index": 1.49},
+            "distortion": {"radial": [5, 0, 0]}}),
+        json!({"medium": {"index": 1.333, "window_z_mm": 30}, "main_lens": {"pupil_distance_mm": 300}}),
+        json!({"main_lens": {"pupil_distance_mm": 500}, "microlenses": {"layout": "hexagonal"}}),
+        json!({"main_lens": {"pupil_vergence_per_mm": -0.001}}),
+        json!({"main_lens": {"telecentric": {"index": 1.33}, "working_f_number": 1.2}, "distortion": {"radial": [5, 0, 0]}}),
+    ];
+    let Some(mut python) = python(&["numpy"]) else { return };
+    let folder = TempDir::new().unwrap();
+    for (n, blocks) in cameras.iter().enumerate() {
+        let mut camera = json!({"sensor": {"width": 700, "height": 560, "pixel_pitch_mm": 0.0055},
+            "main_lens": {"focal_length_mm": 200, "magnification": 0.9, "working_f_number": 4, "aperture": "circle"},
+            "microlenses": {"layout": "square", "pitch_mm": 0.077, "focal_length_mm": 0.308, "rotation_rad": 0.003,
+                "offset_mm": [0.01, -0.02]}});
+        for (name, block) in blocks.as_object().unwrap() {
+            match (camera[name].as_object_mut(), block) {
+                (Some(keys), Value::Object(more)) => keys.extend(more.clone()),
+                _ => camera[name] = block.clone(),
+            }
+        }
+        let optics = Optics::new(&Camera::from_json(&camera.to_string()).unwrap());
+        fs::write(folder.path().join(format!("{n}.json")), camera.to_string()).unwrap();
+        let mut random = Pcg64Mcg::new(n as u128);
+        let mut within = |half: f64| half * (2.0 * random.random::<f64>() - 1.0);
+        let rays: String = (0..4000)
+            .map(|_| {
+                let (x, y, z) = (within(2.0), within(1.6), within(6.0));
+                let [u, v] = [(); 2].map(|()| within(0.7 * optics.half_aperture_mm));
+                let place = optics.place_px(optics.sensor_from_object(DVec2::new(x, y), z, DVec2::new(u, v)));
+                format!("{x},{y},{z},{u},{v},{},{}\n", place.x, place.y)
+            })
+            .collect();
+        fs::write(folder.path().join(format!("{n}.csv")), rays).unwrap();
+    }
+    python.arg("-c").arg(
+        "import lf, numpy, sys\n\
+         for n in range(int(sys.argv[2])):\n    \
+             *ray, column, row = numpy.loadtxt(f'{sys.argv[1]}/{n}.csv', delimiter=',').T\n    \
+             found = lf.Camera(f'{sys.argv[1]}/{n}.json').place_px(*ray)\n    \
+             print(max(abs(found[0] - column).max(), abs(found[1] - row).max()))",
+    );
+    python.arg(folder.path()).arg(cameras.len().to_string());
+    let apart = String::from_utf8(done(python).stdout).unwrap();
+    let apart: Vec<f64> = apart.lines().map(|line| line.parse().unwrap()).collect();
+    assert!(apart.len() == cameras.len() && apart.iter().all(|px| *px < 1e-4), "{apart:?} px");
 }
 
 #[test]

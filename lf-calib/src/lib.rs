@@ -28,7 +28,7 @@ pub use background::{Background, Haze, SlidingMinimum, haze};
 pub use drift::{Refined, refine, refine_steps};
 pub use frames::{Change, Correction, Factor, HotPixels, Lasers, Sensitivity};
 pub use mean::{MeanImage, check_saturation};
-pub use nominal::{Advice, DataSheet, Liquid, advice, in_air, sheet_warnings};
+pub use nominal::{Advice, DataSheet, LightSheet, Liquid, advice, in_air, light_sheet, sheet_warnings};
 pub use photon_transfer::{PhotonTransfer, photon_transfer};
 pub use target::{
     Dot, Exposure, MainLensFit, closer_dots_mm, depths_of_names, depths_of_table, fit_warnings, grid, main_lens,

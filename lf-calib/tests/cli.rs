@@ -331,7 +331,9 @@ fn a_vignetted_frame_over_the_flat_field_is_the_plain_one() {
     bench.done("lattice white.exr -c nominal.json -o out --vignetting flat.exr");
     let camera = Camera::open(&bench.path("out")).unwrap();
     assert_eq!(camera.vignetting.as_deref(), Some(Path::new("flat.exr")));
-    let mended = image::open_frame(&bench.path("frame.exr"), None, &camera, &bench.path("out"), None).unwrap().pixels;
+    let mended = image::open_frame(&bench.path("frame.exr"), Default::default(), &camera, &bench.path("out"), None)
+        .unwrap()
+        .pixels;
     let scale = mended[(140, 140)] / frame[(140, 140)];
     let mut blind = 0;
     assert!(plain[(140, 140)] > 999.0);

@@ -26,6 +26,7 @@ fn what_is_said_of_a_camera() {
     let text = run.stderr;
     for words in [
         "useful depth: z from -4.4 to 4.3 mm",
+        "light sheet: best within z from -2.83 to -0.44 or from 0.43 to 3.09 mm, where z of a lone particle is known to 0.09 px",
         "--pvr 1,1,10 --depth -4.36,4.27",
         "--depths -4.3,-3.1,-1.9,1.9,3.1,4.3",
     ] {

@@ -18,11 +18,13 @@
 //!
 //! ```no_run
 //! use glam::DVec2;
-//! use lf_core::{Camera, Optics, Volume, image, io, volume};
+//! use lf_core::image::{self, FrameFiles};
+//! use lf_core::{Camera, Optics, Volume, io, volume};
 //!
 //! fn main() -> lf_core::Result<()> {
 //!     let camera = Camera::open("camera.json".as_ref())?;
-//!     let image = image::open_frame("frame.exr".as_ref(), None, &camera, "camera.json".as_ref(), None)?.pixels;
+//!     let file = "camera.json".as_ref();
+//!     let image = image::open_frame("frame.exr".as_ref(), FrameFiles::default(), &camera, file, None)?.pixels;
 //!     let support = Volume::open("support.lfv".as_ref())?;
 //!     let (grid, optics) = (support.grid(), Optics::new(&camera));
 //!

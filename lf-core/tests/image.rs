@@ -2,7 +2,9 @@
 
 use crate::allocation;
 use image::{ExtendedColorType, ImageEncoder};
-use lf_core::image::{Channel, Image, Stack, open, open_counts, open_frame, open_signed_frame, outside_u16, save};
+use lf_core::image::{
+    Channel, FrameFiles, Image, Stack, open, open_counts, open_frame, open_signed_frame, outside_u16, save,
+};
 use lf_core::{History, history::Step};
 use ndarray::{Array2, array};
 use std::io::Cursor;
@@ -288,12 +290,12 @@ fn a_frame_may_be_negative() {
                         "rotation_rad": 0.0, "offset_mm": [0.0, 0.0]}}"#;
     let camera = lf_core::Camera::from_json(json).unwrap();
     let file = Path::new("camera.json");
-    assert_eq!(open_signed_frame(&path, None, &camera, file, None).unwrap().pixels, pixels);
+    assert_eq!(open_signed_frame(&path, FrameFiles::default(), &camera, file, None).unwrap().pixels, pixels);
     pixels[[2, 5]] = 0.0;
-    assert_eq!(open_frame(&path, None, &camera, file, None).unwrap().pixels, pixels);
+    assert_eq!(open_frame(&path, FrameFiles::default(), &camera, file, None).unwrap().pixels, pixels);
     pixels[[1, 3]] = f32::NAN;
     save(&path, &pixels, &History::new()).unwrap();
-    let refused = open_frame(&path, None, &camera, file, None).err().unwrap().to_string();
+    let refused = open_frame(&path, FrameFiles::default(), &camera, file, None).err().unwrap().to_string();
     assert!(refused.contains("1 pixel is not finite, the first NaN at x 3, y 1; wanted finite values"), "{refused}");
 }
 

@@ -2,7 +2,7 @@
 
 use crate::image::{crc32, grey_tiff, png, read, read_channel, refusal, replace};
 use image::ExtendedColorType;
-use lf_core::image::{Channel, Stack, frames, open, open_frame};
+use lf_core::image::{Channel, FrameFiles, Stack, frames, open, open_frame};
 use ndarray::{Array2, array};
 use std::io::Cursor;
 use std::path::{Path, PathBuf};
@@ -404,7 +404,9 @@ fn a_frame_its_background_and_its_flat_field_may_be_coloured_pages() {
                         "rotation_rad": 0.0, "offset_mm": [0.0, 0.0]}}"#;
     let camera = lf_core::Camera::from_json(json).unwrap();
     let page = |n: usize| folder.path().join(format!("run.tif:{n}"));
-    let read = |channel| open_frame(&page(0), Some(&page(1)), &camera, "camera.json".as_ref(), channel);
+    let (dark, file) = (page(1), Path::new("camera.json"));
+    let files = FrameFiles { background: Some(&dark), mask: None };
+    let read = |channel| open_frame(&page(0), files, &camera, file, channel);
     assert_eq!(read(Some(Channel::Green)).unwrap().pixels, array![[49.0, 58.0]]);
     assert!(read(None).err().unwrap().to_string().contains("run.tif:0: colour, "));
 }

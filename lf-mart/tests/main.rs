@@ -51,6 +51,18 @@ fn the_true_voxels_explain_the_frame() {
     }
 }
 
+/// A bright reflection under the mask changes nothing.
+#[test]
+fn a_masked_reflection_changes_nothing() {
+    let bench = bench(&[]);
+    bench.reflection("scene/frame-0000.exr");
+    for (frame, volume) in [("scene/frame-0000.exr", "one.lfv"), ("bright.exr", "two.lfv")] {
+        let words = format!("scene/truth-0000.lfv -i {frame} -c scene/camera.json --mask mask.exr -o {volume}");
+        assert_eq!(bench.done(&words).stderr, "");
+    }
+    assert!(bench.bytes("one.lfv") == bench.bytes("two.lfv"));
+}
+
 /// A preset sets the number of sweeps, a typed number wins, and a misfit that is reached ends them.
 #[test]
 fn sweeps_are_as_many_as_asked_for() {

@@ -68,6 +68,28 @@ fn a_bright_particle_hides_no_faint_ones() {
     assert!(shallow.stderr.contains("seen by no kept voxel"), "{}", shallow.stderr);
 }
 
+/// A bright reflection under the mask changes nothing, and its voxels are judged by what other pixels see of them.
+/// Without the mask it changes the support.
+#[test]
+fn a_masked_reflection_changes_nothing() {
+    let bench = bench();
+    bench.reflection("scene/frame-0000.exr");
+    let words = "-c scene/camera.json --pvr 2,2,20 --depth -5,5 --truth scene/particles.csv --stats stats.json";
+    for (frame, support) in [("scene/frame-0000.exr", "one.lfv"), ("bright.exr", "two.lfv")] {
+        let said = bench.done(&format!("{frame} {words} --mask mask.exr -o {support}")).stderr;
+        assert!(!said.contains("warning") && bench.json("stats.json")["counts"]["lost_particles"] == 0, "{said}");
+    }
+    assert!(bench.bytes("one.lfv") == bench.bytes("two.lfv"));
+    bench.done(&format!("bright.exr {words} -o three.lfv"));
+    assert!(bench.bytes("one.lfv") != bench.bytes("three.lfv"));
+    bench.image("small.exr", &ndarray::Array2::ones((308, 300)));
+    bench.image("black.exr", &ndarray::Array2::zeros((308, 308)));
+    bench
+        .refused(&format!("{CALL} --mask small.exr"), &["small.exr: mask of 300 x 308 px; wanted the 308 x 308 px of"]);
+    bench.refused(&format!("{CALL} --mask black.exr"), &["black.exr: all pixels are 0; wanted pixels that are used"]);
+    bench.refused(&format!("{CALL} --mask mask.exr -o mask.exr"), &["mask.exr", "is also an input"]);
+}
+
 #[test]
 fn calls_without_a_sense_are_refused() {
     let bench = bench();

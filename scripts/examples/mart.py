@@ -96,7 +96,7 @@ def spread(volume, strengths):
 def work(options, session):
     lf.module("scipy", "for sparse matrices")
     camera = lf.Camera(options.camera)
-    image, _ = lf.read_frame(options.image, camera, options.background, options.channel)
+    image, _ = lf.read_frame(options.image, camera, options.background, options.channel, options.mask)
     support = lf.read_volume(options.support)
     if not len(support.indices) or not np.nansum(image) > 0:
         raise lf.Refused(

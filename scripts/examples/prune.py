@@ -45,8 +45,7 @@ def lit_sections(image, camera):
     means = []
     for section in sections:
         # The image of a lenslet's centre through the section.
-        places = centres + camera.demagnification * (centres - section)
-        column, row = np.floor(places / camera.pixel_mm + 0.5 * np.array(camera.sensor_px)).astype(int).T
+        column, row = (np.floor(place).astype(int) for place in camera.through_px(centres.T, centres.T, *section))
         seen = (column >= 0) & (row >= 0) & (column < camera.sensor_px[0]) & (row < camera.sensor_px[1])
         seen[seen] = ~np.isnan(image[row[seen], column[seen]])
         means.append(light[row[seen], column[seen]].mean() if seen.any() else 0)
@@ -80,7 +79,7 @@ def prune(image, camera, grid, threshold):
 
 def work(options, session):
     camera = lf.Camera(options.camera)
-    image, history = lf.read_frame(options.image, camera, options.background, options.channel)
+    image, history = lf.read_frame(options.image, camera, options.background, options.channel, options.mask)
     grid = camera.grid(options.pvr, options.depth, options.bounds)
     threshold = automatic(image) if options.threshold == "auto" else float(options.threshold)
     with session.phase("prune"):

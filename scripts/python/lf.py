@@ -345,10 +345,15 @@ def _read_picture(path, page, channel):
 
 
 def read_frame(
-    path: Path, camera: Camera, background: Path | None = None, channel: str | None = None
+    path: Path,
+    camera: Camera,
+    background: Path | None = None,
+    channel: str | None = None,
+    mask: Path | None = None,
 ) -> tuple[np.ndarray, list]:
     """An image of the camera's size, minus a background, divided by the camera's flat field; and its history. Negative
-    values become 0. A pixel that sees less than a twentieth of the flat field's light is NaN, as in lf-core."""
+    values become 0. A pixel that sees less than a twentieth of the flat field's light is NaN, and so is one where the
+    mask is 0, as in lf-core."""
 
     def sized(file):
         counts, history = read_image(file, channel)
@@ -364,6 +369,8 @@ def read_frame(
     if camera.flat_field is not None:
         flat = sized(camera.flat_field)[0]
         counts = np.where(flat < 0.05, np.float32(np.nan), counts / np.maximum(flat, np.float32(0.05)))
+    if mask is not None:
+        counts = np.where(sized(mask)[0] > 0, counts, np.float32(np.nan))
     return counts, history
 
 
@@ -634,21 +641,24 @@ def _draw_slice(view, values, places, normal, wanted):
 
 
 class Camera:
-    """A `camera.json` and the rays of the camera: square and hexagonal lattices, turned or in line with the pixels.
-    Refuses distortion, departures of the lenslets, tilt, gap and medium, which lf-core has."""
+    """A `camera.json` and its rays, as the module `optics` of lf-core has them."""
 
     # A lattice counts as not turned if its rotation moves no lenslet on the sensor by more than this.
     IN_LINE_PX = 0.02
+    SNELL_STEPS, PUPIL_STEPS, LATTICE_STEPS = 2, 4, 3  # Newton and fixed-point steps, as in lf-core.
+    LEAST_COSINE2 = 0.05  # For rays before a telecentric lens.
+    FARTHEST = 1.5  # Radii beyond which the departure of the lenslets stays constant.
+    BLOCKS = {"frame", "sensor", "main_lens", "microlenses", "distortion", "tilt", "medium", "blur", "sensor_noise"}
+    BLOCKS |= {"centres", "vignetting", "pose", "calibration"}
 
     def __init__(self, path):
         try:
-            given = json.loads(_bytes(path)[:])
+            given = {key: value for key, value in json.loads(_bytes(path)[:]).items() if value is not None}
             if given.get("frame", FRAME) != FRAME:  # No key depends on the frame, so a camera may lack it.
                 raise Refused(f"{path}: frame {given['frame']!r}; wanted {FRAME!r}")
+            if not self.BLOCKS.issuperset(given):
+                raise Refused(f"{path}: {', '.join(given.keys() - self.BLOCKS)}; wanted keys that lf.py knows")
             sensor, lens, lenslets = given["sensor"], given["main_lens"], given["microlenses"]
-            bent = [key for key in ("distortion", "tilt", "medium", "centres") if given.get(key) is not None]
-            if bent or lenslets.get("gap_mm") is not None:
-                raise Refused(f"{path}: {' and '.join(bent) or 'gap_mm'}; wanted a camera without, lf.py models none")
             self.sensor_px = (sensor["width"], sensor["height"])
             self.pixel_mm = sensor["pixel_pitch_mm"]
             self.focal_mm, self.magnification = lens["focal_length_mm"], lens["magnification"]
@@ -658,13 +668,28 @@ class Camera:
             self.rotation_rad = lenslets["rotation_rad"]
             self.image_mm = self.focal_mm * (1 + self.magnification)  # s_i
             self.object_mm = self.focal_mm * (1 + 1 / self.magnification)  # s_o
-            pupil_mm = lens.get("pupil_distance_mm") or self.image_mm  # l
-            self.pupil_ratio = self.image_mm / pupil_mm  # r
-            self.aperture_mm = pupil_mm / lens["working_f_number"]  # D
-            self.demagnification = lenslets["focal_length_mm"] / pupil_mm  # k
-        except (ValueError, KeyError, TypeError) as error:
+            telecentric = lens.get("telecentric")
+            self.index = None if telecentric is None else telecentric.get("index", 1.0)
+            self.stop_mm = lens.get("pupil_distance_mm") or self.image_mm  # L
+            vergence = lens.get("pupil_vergence_per_mm")
+            far = 0.0 if telecentric is not None and lens.get("pupil_distance_mm") is None else 1.0
+            self.pupil_ratio = far if vergence is None else vergence * self.stop_mm  # e
+            self.aperture_mm = self.stop_mm / lens["working_f_number"]  # D
+            self.lenslet_mm = lenslets["focal_length_mm"]  # f_l
+            self.gap_mm = lenslets.get("gap_mm") or self.lenslet_mm  # g
+            self.demagnification = self.gap_mm / self.stop_mm  # k
+            tilt = given.get("tilt", {"x_rad": 0, "y_rad": 0})
+            self.tilt = tuple(float(np.tan(tilt[key])) for key in ("x_rad", "y_rad"))
+            bent = given.get("distortion", {})
+            self.distortion = (*bent.get("radial", (0, 0, 0)), *bent.get("tangential", (0, 0)))
+            self.medium, self.centres = given.get("medium"), given.get("centres")
+            if self.medium is not None:
+                self.window_z_mm, self.medium_index = self.medium["window_z_mm"], self.medium["index"]
+                self.window = self.medium.get("window_thickness_mm", 0), self.medium.get("window_index", 1)
+        except (ValueError, KeyError, TypeError, AttributeError) as error:
             raise Refused(f"{path}: {error!r}; wanted a camera.json") from None
-        if 0.5 * max(self.sensor_px) * abs(self.rotation_rad) <= self.IN_LINE_PX and not self.is_hexagonal:
+        in_line = 0.5 * max(self.sensor_px) * abs(self.rotation_rad) <= self.IN_LINE_PX
+        if in_line and not self.is_hexagonal and self.centres is None:
             self.rotation_rad = 0.0
         flat = given.get("vignetting")
         self.flat_field = None if flat is None else os.path.join(os.path.dirname(path), flat)
@@ -687,18 +712,96 @@ class Camera:
         return np.stack([u[inside], v[inside]], 1)
 
     def array_mm(self, x, y, z, u, v):
-        """Where rays from (x, y, z) through (u, v) of the aperture meet the array, mm: x_m = beta X + alpha U and
-        y_m = -beta Y + alpha V. U and V are measured along the sensor's axes, as x_m and y_m are. The arguments
-        broadcast: x_m has the shape of x, z and u together, y_m the shape of y, z and v."""
-        beta = self.image_mm / (self.object_mm - z)
-        alpha = 1 - self.image_mm / self.focal_mm + beta
-        away = 1 + (self.pupil_ratio - 1) * alpha  # 1 if the lens is its own exit pupil
-        alpha, beta = self.pupil_ratio * alpha / away, beta / away
-        return alpha * u + beta * x, alpha * v - beta * y
+        """Where rays from (x, y, z) through (u, v) of the aperture meet the array, mm. U and V are measured along the
+        sensor's axes, as x_m and y_m are. The arguments broadcast together; without distortion, medium and telecentric
+        lens, x_m has the shape of x, z and u together, y_m that of y, z and v."""
+        x, y = -x, y  # Along the sensor's axes, which the lens inverts.
+        if self.index is not None:
+            across = self.index * self.stop_mm / self.magnification
+            cosine2 = np.maximum(1 - (u * u + v * v) / across**2, self.LEAST_COSINE2)
+            spread = self.magnification * z / (across * np.sqrt(cosine2))
+            hit = spread * u - self.magnification * x, spread * v - self.magnification * y
+        elif self.medium is None:
+            beta = self.image_mm / (self.object_mm - z)
+            alpha = 1 - self.image_mm / self.focal_mm + beta
+            stop, array = self._lens_shares()
+            away = 1 + (array - 1) * alpha  # 1 if the lens is its own exit pupil
+            alpha, beta = stop * alpha / away, beta / away
+            hit = alpha * u - beta * x, alpha * v - beta * y
+        else:
+            hit = self._behind_window(x, y, z, u, v)
+        moved = self._distortion_mm(x, y, z) if any(self.distortion) else (0, 0)
+        return hit[0] + moved[0], hit[1] + moved[1]
+
+    def _lens_shares(self):
+        """A ray that passes V and meets the array at y_m has passed the lens at stop V + (1 - array) y_m."""
+        return self.image_mm / self.stop_mm, self.image_mm / self.stop_mm * self.pupil_ratio
+
+    def _slope(self, x, y, z):
+        """Slopes in the air before the lens of rays that move sideways by (x, y) from depth z to the lens."""
+        if self.medium is None:
+            return x / (self.object_mm - z), y / (self.object_mm - z)
+        # Snell's law, by Newton's method from the paraxial slope.
+        (thick, glass), index = self.window, self.medium_index
+        air = self.object_mm - self.window_z_mm / index - thick / glass
+        layers = (self.window_z_mm - z, index), (thick, glass)
+        slope, square = 1 / (air + sum(depth / n for depth, n in layers)), x * x + y * y
+        for _ in range(self.SNELL_STEPS):
+            roots = [(depth, n, 1 / np.sqrt(n * n + (n * n - 1) * slope**2 * square)) for depth, n in layers]
+            reach = air + sum(depth * root for depth, _, root in roots)
+            growth = air + sum(depth * n * n * root**3 for depth, n, root in roots)
+            slope = slope + (1 - slope * reach) / growth
+        return slope * x, slope * y
+
+    def _behind_window(self, x, y, z, u, v):
+        stop, array = self._lens_shares()
+
+        def array_from_lens(x, y, hx, hy):
+            sx, sy = self._slope(hx - x, hy - y, z)
+            lens = 1 - self.image_mm / self.focal_mm
+            return lens * hx + self.image_mm * sx, lens * hy + self.image_mm * sy
+
+        if stop == array == 1:
+            return array_from_lens(x, y, u, v)
+        near = 1e-3  # Near the axis the place on the array changes by alpha times that on the lens.
+        alpha = array_from_lens(0.0, 0.0, near, 0.0)[0] / near
+        fall, lens = 1 / (1 - (1 - array) * alpha), (u, v)
+        for _ in range(self.PUPIL_STEPS):
+            hit = array_from_lens(x, y, *lens)
+            lens = [h + fall * (stop * w + (1 - array) * m - h) for h, w, m in zip(lens, (u, v), hit)]
+        return array_from_lens(x, y, *lens)
+
+    def _distortion_mm(self, x, y, z):
+        k1, k2, k3, p1, p2 = self.distortion
+        scale = -self.magnification / self.image_mm
+        tx, ty = self._slope(-x, -y, z) if self.index is None else (scale * x, scale * y)
+        square = tx * tx + ty * ty
+        radial = square * (k1 + square * (k2 + square * k3))
+        across = p1 * (square + 2 * ty * ty) + 2 * p2 * tx * ty
+        along = 2 * p1 * tx * ty + p2 * (square + 2 * tx * tx)
+        return self.image_mm * (tx * radial + along), self.image_mm * (ty * radial + across)
 
     def centre_mm(self, x, y):
         """Centres of the lenslets whose cells hold these places of the array, mm. If the lattice is in line with the
         pixels, x and y keep their shapes; otherwise they broadcast together."""
+        if self.centres is None:
+            return self._perfect_centre_mm(x, y)
+        perfect = x, y
+        for _ in range(self.LATTICE_STEPS):
+            perfect = [place - off for place, off in zip((x, y), self._departure_mm(*perfect))]
+        perfect = self._perfect_centre_mm(*perfect)
+        return tuple(place + off for place, off in zip(perfect, self._departure_mm(*perfect)))
+
+    def _departure_mm(self, x, y):
+        """Departure of the lenslets from the perfect lattice: polynomials, the lowest degree first."""
+        x, y = x / self.centres["radius_mm"], y / self.centres["radius_mm"]
+        shrink = np.minimum(1, self.FARTHEST / np.maximum(np.hypot(x, y), 1e-300))
+        x, y = x * shrink, y * shrink
+        powers = [(degree - n, n) for degree in range(1, 6) for n in range(degree + 1)]
+        terms = [x**a * y**b for a, b in powers[: len(self.centres["x_mm"])]]
+        return [sum(c * term for c, term in zip(self.centres[key], terms)) for key in ("x_mm", "y_mm")]
+
+    def _perfect_centre_mm(self, x, y):
         x, y = x - self.offset_mm[0], y - self.offset_mm[1]
         cos, sin = np.cos(self.rotation_rad), np.sin(self.rotation_rad)
         turned = sin != 0 or self.is_hexagonal
@@ -723,12 +826,22 @@ class Camera:
         return np.where(near <= far, x0, x1), np.where(near <= far, y0, y1)
 
     def place_px(self, x, y, z, u, v):
-        """Where these rays meet the sensor, px: x_s = c + k (x_m - U). 0 is the left or top edge; a pixel's centre is
-        at a half. Arguments are those of `array_mm`, and so are the shapes if the lattice is in line; otherwise both
-        results have the shape of all arguments together."""
+        """Where these rays meet the sensor, px. 0 is the left or top edge; a pixel's centre is at a half. Arguments are
+        those of `array_mm`, and so are the shapes if the lattice is in line and the sensor without gap and tilt;
+        otherwise both results have the shape of all arguments together."""
         hit = self.array_mm(x, y, z, u, v)
-        centre = self.centre_mm(*hit)
-        on_sensor = (c + self.demagnification * (m - w) for c, m, w in zip(centre, hit, (u, v)))
+        return self.through_px(self.centre_mm(*hit), hit, u, v)
+
+    def through_px(self, centre, hit, u, v):
+        """Where rays through (u, v) that meet the array at `hit`, mm, meet the sensor behind the lenslet at `centre`,
+        px: x_s = c + k (e x_m - U); with a gap or tilt, the ray bent by the lenslet runs on to the sensor."""
+        steep = [self.pupil_ratio * m - w for m, w in zip(hit, (u, v))]
+        if any(self.tilt) or self.gap_mm != self.lenslet_mm:
+            slope = [q / self.stop_mm - (m - c) / self.lenslet_mm for c, m, q in zip(centre, hit, steep)]
+            grown, leant = (sum(t * q for t, q in zip(self.tilt, pair)) for pair in (hit, slope))
+            on_sensor = [m + (self.gap_mm + grown) / (1 - leant) * q for m, q in zip(hit, slope)]
+        else:
+            on_sensor = [c + self.demagnification * q for c, q in zip(centre, steep)]
         return tuple(s / self.pixel_mm + 0.5 * n for s, n in zip(on_sensor, self.sensor_px))
 
 
@@ -755,6 +868,7 @@ class Parser(argparse.ArgumentParser):
         super().__init__(description=description, formatter_class=argparse.RawDescriptionHelpFormatter)
         self.add_argument("-c", "--camera", required=True, metavar="FILE", help="camera.json")
         self.add_argument("-b", "--background", metavar="FILE", help="image to subtract first")
+        self.add_argument("--mask", metavar="FILE", help="image that is 0 where pixels are not used")
         self.add_argument("--channel", choices=["r", "g", "b", "luma"], help="channel of colour images")
         self.add_argument("-o", "--output", default="-", metavar="FILE", help="file to write, - for standard output")
         self.add_argument("--threads", type=int, default=0, help="accepted and ignored: numpy has its own")

@@ -44,15 +44,16 @@ def box(*halves):
     return [f"volume.{axis}_mm=[-{half},{half}]" for axis, half in zip("xyz", halves)]
 
 
-def render(folder, case, density, seed, *keys, base="uniform", frames=1, blur_px=BLUR_PX, side=SIDE, half_mm=0.9):
+def render(folder, case, density, seed, *keys, base="uniform", frames=1, blur_px=BLUR_PX, side=SIDE, half_mm=0.9,
+           sensor=SENSOR):
     """Frames, their dark frame, and what a laboratory knows of the camera: calibrated.json. blur_px None: an ideal lens."""
     half = half_mm / case.magnification
     blur = [] if blur_px is None else [f'camera.blur={{"wavelength_nm": {WAVELENGTH_NM}, "sigma_px": {blur_px}}}']
     camera = [*case.keys(), *blur, f"camera.sensor.width={side}", f"camera.sensor.height={side}"]
-    noise = [f"sensor_noise={json.dumps(SENSOR)}"]
+    noise = [f"sensor_noise={json.dumps(sensor)}"]
     scene = [*camera, f"seed={seed}", f"frames={frames}", f"particles.per_lenslet={density}", "particles.rays=400000",
              *box(half, half, case.depth), "truth=null", *keys]
-    lab.scene(folder, base, *scene, *noise, dark=f'sensor_noise={{"dark_counts": {SENSOR["dark_counts"]}}}', kept=True)
+    lab.scene(folder, base, *scene, *noise, dark=f'sensor_noise={{"dark_counts": {sensor["dark_counts"]}}}', kept=True)
     calibrate(folder, case, camera, noise, blur_px, side)
 
 

@@ -98,9 +98,14 @@ impl Call {
             tool: self.tool,
             status: output.status,
             stdout: output.stdout,
-            stderr: String::from_utf8(output.stderr).expect("messages are UTF-8"),
+            stderr: without_progress(&String::from_utf8(output.stderr).expect("messages are UTF-8")),
         }
     }
+}
+
+/// The messages without lines of progress, which depend on the speed of the machine.
+fn without_progress(messages: &str) -> String {
+    messages.split_inclusive('\n').filter(|line| !line.contains(": progress: ")).collect()
 }
 
 /// How a run ended.

@@ -54,6 +54,18 @@ impl Folder {
         self.path(name)
     }
 
+    /// Writes `bright.exr`, the frame `name` with a reflection on a part of it, and `mask.exr`, which is 0 there.
+    pub fn reflection(&self, name: &str) {
+        let frame = image::open(&self.path(name)).expect("a frame").pixels;
+        let peak = frame.fold(0f32, |peak, value| peak.max(*value));
+        let (height, width) = frame.dim();
+        let is_hidden = |row: usize, column: usize| row < height / 2 && column > width / 3 && column < width / 2;
+        let of_mask = |(row, column)| if is_hidden(row, column) { 0.0 } else { 255.0 };
+        let of_frame = |(row, column)| if is_hidden(row, column) { 3.0 * peak } else { frame[(row, column)] };
+        self.image("mask.exr", &Array2::from_shape_fn(frame.dim(), of_mask));
+        self.image("bright.exr", &Array2::from_shape_fn(frame.dim(), of_frame));
+    }
+
     /// Writes a volume and returns its path.
     pub fn volume(&self, name: &str, grid: &Grid, indices: &[u64], columns: &[(&str, &[f32])]) -> PathBuf {
         let mut bytes = Vec::new();

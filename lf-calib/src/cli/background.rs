@@ -3,7 +3,7 @@
 use super::arguments::BackgroundArguments;
 use super::files::{Sizes, named_in};
 use lf_calib::{Background, MeanImage, SlidingMinimum, haze};
-use lf_core::image::{self, Channel, Image, Stack};
+use lf_core::image::{self, Channel, ClippedBlack, Image, Stack};
 use lf_core::{Camera, Error, History, Refusal, Result, Session, Verdict, camera::Sensor, io};
 use ndarray::Array2;
 use std::collections::VecDeque;
@@ -40,8 +40,18 @@ pub fn background(arguments: &BackgroundArguments, session: &mut Session) -> Res
     let more = READ_BYTES * pixels * if haze.is_some() { 2.0 } else { 1.0 };
     session.allow_memory(*memory, bytes + more, "background", what)?;
     let (mut sum, mut lowest) = (MeanImage::default(), Background::new(count, *quantile));
-    let (used, history) = frames.each(session, |frame| if *mean { sum.add(frame) } else { lowest.add(frame) })?;
-    let Some(pixels) = (if *mean { sum.mean() } else { lowest.finish() }) else {
+    let (used, history) = frames.each(session, |mut frame| match mean {
+        true => {
+            // The mean of a clipped normal distribution is not that of its light.
+            if let Some(black) = ClippedBlack::of(frame.view()) {
+                black.unclip(&mut frame);
+            }
+            sum.add(&frame)
+        }
+        false => lowest.add(&frame),
+    })?;
+    let Some(pixels) = (if *mean { sum.mean().map(|mean| mean.mapv(|value| value.max(0.0))) } else { lowest.finish() })
+    else {
         let none = || Error::new(format!("the {count} frames"), "none was read", "wanted at least one");
         return Err(frames.left_out.pop().unwrap_or_else(none));
     };
@@ -174,7 +184,7 @@ impl FrameFiles {
     fn each(
         &mut self,
         session: &mut Session,
-        mut take: impl FnMut(&Array2<f32>) -> std::result::Result<(), Refusal>,
+        mut take: impl FnMut(Array2<f32>) -> std::result::Result<(), Refusal>,
     ) -> Result<(usize, History)> {
         let mut history = None;
         let mut used = 0;
@@ -187,7 +197,7 @@ impl FrameFiles {
                 match frame {
                     Ok(frame) => {
                         let refused = |refusal: Refusal| refusal.about(stack.name(number));
-                        session.phase("sort", |_| take(&frame.pixels).map_err(refused))?;
+                        session.phase("sort", |_| take(frame.pixels).map_err(refused))?;
                         used += 1;
                         history.get_or_insert(frame.history);
                     }

@@ -1,6 +1,6 @@
 //! Files that several tasks read and write: frames, and a camera with its history and its flat field.
 
-use lf_core::image::{self, Channel, Stack};
+use lf_core::image::{self, Channel, FrameFiles, Stack};
 use lf_core::{Camera, Error, History, Result, Session, io};
 use ndarray::Array2;
 use serde_json::{Value, json};
@@ -52,7 +52,8 @@ pub fn frames<'a>(
     camera_file: &Path,
     channel: Option<Channel>,
 ) -> Result<Vec<Array2<f32>>> {
-    let frame = |path| image::open_frame(path, background, camera, camera_file, channel);
+    let files = FrameFiles { background, mask: None };
+    let frame = |path| image::open_frame(path, files, camera, camera_file, channel);
     paths.into_iter().map(|path| Ok(frame(path)?.pixels)).collect()
 }
 

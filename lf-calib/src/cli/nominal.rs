@@ -1,7 +1,7 @@
 //! `lf-calib nominal`: data sheets in, a camera and what follows from it out.
 
 use super::{arguments::NominalArguments, files::with_history};
-use lf_calib::{Advice, DataSheet, Liquid, advice, sheet_warnings};
+use lf_calib::{Advice, DataSheet, LightSheet, Liquid, advice, light_sheet, sheet_warnings};
 use lf_core::{Camera, Error, Refusal, Result, Session, Verdict, camera::Medium, io};
 use serde_json::json;
 
@@ -128,6 +128,15 @@ fn report(arguments: &NominalArguments, camera: &Camera, advice: &Advice, sessio
     session.say(format!(
         "depth resolution: {halfway:.2} {unit} halfway to the end of the useful depth, {end:.2} {unit} at its end"
     ));
+    if let Some(LightSheet { sides_mm, std_mm }) = light_sheet(camera) {
+        let [[a, b], [c, d]] = sides_mm.map(|side| side.map(|z| z * per_mm));
+        session.say(format!(
+            "light sheet: best within z from {a:.2} to {b:.2} or from {c:.2} to {d:.2} {unit}, where z of a lone particle is known \
+             to {:.2} px ({:.4} {unit}) under a noise of 1 % of its brightest pixel",
+            std_mm / camera.pixel_in_focus_mm(),
+            std_mm * per_mm
+        ));
+    }
     let fine = advice.pixels_per_voxel;
     session.say(format!(
         "volume: lf-prune --pvr {} --depth {},{}; --pvr {} has an eighth of the voxels",

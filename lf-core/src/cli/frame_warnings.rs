@@ -1,8 +1,8 @@
-//! Warnings about a frame that lf-prune and lf-mart share: clipped, with its background, or by another camera.
+//! Warnings about a frame that the tools share: clipped, with its background, or by another camera.
 
 use super::session::Session;
 use crate::Camera;
-use crate::image::Frame;
+use crate::image::{ClippedBlack, Frame};
 use crate::light::{Follows, LatticeLight, Tones};
 
 /// Warn if at least this share of the pixels is clipped. Hot pixels are fewer.
@@ -17,6 +17,9 @@ const BRIGHT_DARKNESS: f64 = 0.15;
 /// read noise of 3 it is 0.004 at one particle a lenslet, 0.012 at a tenth.
 const DARK_COUNTS: f64 = 0.004;
 
+/// Standard deviations of the noise that an offset must hold.
+const OFFSET: f64 = 5.0;
+
 impl Session {
     /// Warns of a frame that is clipped, that still has its background, or whose light does not lie where `camera` puts
     /// it. `has_background` says whether a background was subtracted.
@@ -28,6 +31,15 @@ impl Session {
             self.warn(format!(
                 "{percent:.1} % of the pixels are clipped, at {level} counts: the brightest light is lost, and with it \
                  the shape of particles; expose less or lower the gain"
+            ));
+        }
+        if let Some(ClippedBlack { level, share, noise, .. }) = frame.black {
+            self.count("black_clipped_share", share);
+            let (percent, offset) = (100.0 * share, (OFFSET * noise).ceil());
+            self.warn(format!(
+                "the black level is clipped: {percent:.0} % of the dark pixels are at {level}, the lowest count, and \
+                 their noise of {noise:.1} counts is cut off there; leave an offset of {offset} counts in the camera's \
+                 settings, and do not set pixels below a background to 0"
             ));
         }
         let darkness = tones.dark / tones.light.max(f64::MIN_POSITIVE);

@@ -40,10 +40,11 @@ pub struct Session {
 
 impl Session {
     pub(super) fn new(step: Step, common: &Common) -> Self {
+        let screen = Screen::new(&step.tool, common.quiet);
         Self {
             step,
             keeps_history: std::env::var_os("LF_HISTORY").is_none_or(|value| value != "off"),
-            screen: Screen::new(common.quiet),
+            screen,
             common: common.clone(),
             started: Instant::now(),
             phases: Vec::new(),
@@ -99,6 +100,16 @@ impl Session {
     pub fn explain(&self, line: impl AsRef<str>) {
         if self.is_verbose() {
             self.print(line.as_ref());
+        }
+    }
+
+    /// Explains a step of long work: with `--verbose` always, otherwise as progress, unless there was a line of it
+    /// in the last ten seconds.
+    pub fn explain_step(&self, line: impl AsRef<str>) {
+        if self.is_verbose() {
+            self.print(line.as_ref());
+        } else {
+            self.screen.print_progress(line.as_ref());
         }
     }
 

@@ -69,12 +69,12 @@ impl Top {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::*;
     use ndarray::Array2;
 
     /// A uniform random number from 0 to 1, by SplitMix64.
-    fn uniform(state: &mut u64) -> f64 {
+    pub(in crate::image) fn uniform(state: &mut u64) -> f64 {
         *state = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
         let mut z = *state;
         z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);

@@ -1,5 +1,6 @@
 //! Opens an image in any of the formats, also as a frame whose background and flat field are removed; saves it.
 
+use super::black::ClippedBlack;
 use super::clipped::clipped_share;
 use super::{
     channel::Channel,
@@ -42,63 +43,86 @@ pub fn frames(paths: &[PathBuf]) -> Vec<PathBuf> {
 /// A pixel that counts less than this fraction of its light is blind: the flat field would multiply its noise by 20.
 pub const BLIND: f32 = 0.05;
 
+/// Images of the sensor's size that belong to a frame.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct FrameFiles<'a> {
+    /// Subtracted first.
+    pub background: Option<&'a Path>,
+    /// 0 where a wall or a reflection hides the particles. Such pixels count as blind.
+    pub mask: Option<&'a Path>,
+}
+
 /// A frame without its background and flat field.
 pub struct Frame {
-    /// Counts, shape (height, width); NaN where the pixel is blind.
+    /// Counts, shape (height, width); NaN where the pixel is blind or masked.
     pub pixels: Array2<f32>,
     /// The steps that led to it; empty if the file has none.
     pub history: History,
     /// Level, counts, and share of the pixels that were clipped when the frame was taken: see [`clipped_share`].
     pub clipped: Option<(f32, f64)>,
+    /// Its black level, if it was clipped when the frame was taken.
+    pub black: Option<ClippedBlack>,
 }
 
 /// Reads a frame, subtracts the background, sets negative results to 0, and divides by the flat field
-/// of `camera`, which was read from `camera_file`. Pixels below [`BLIND`] become NaN. All images are sensor-sized. A
-/// frame of floating-point pixels may be negative: its background is subtracted already.
+/// of `camera`, which was read from `camera_file`. Pixels below [`BLIND`] and masked ones become NaN. All images are
+/// sensor-sized. A frame of floating-point pixels may be negative: its background is subtracted already.
 pub fn open_frame(
     path: &Path,
-    background: Option<&Path>,
+    files: FrameFiles,
     camera: &Camera,
     camera_file: &Path,
     channel: Option<Channel>,
 ) -> Result<Frame> {
-    read_frame(path, background, (camera, camera_file), channel, |pixel| pixel.max(0.0))
+    read_frame(path, files, (camera, camera_file), channel, false)
 }
 
 /// Like [`open_frame`], but pixels darker than the background stay negative, so that their mean is that of the light. A
-/// fit needs this.
+/// fit needs this. Pixels at a clipped black level get the mean of what was cut off.
 pub fn open_signed_frame(
     path: &Path,
-    background: Option<&Path>,
+    files: FrameFiles,
     camera: &Camera,
     camera_file: &Path,
     channel: Option<Channel>,
 ) -> Result<Frame> {
-    read_frame(path, background, (camera, camera_file), channel, |pixel| pixel)
+    read_frame(path, files, (camera, camera_file), channel, true)
 }
 
-/// `held` turns the difference from the background into a pixel.
+/// `is_signed` keeps negative differences from the background.
 fn read_frame(
     path: &Path,
-    background: Option<&Path>,
+    files: FrameFiles,
     (camera, camera_file): (&Camera, &Path),
     channel: Option<Channel>,
-    held: impl Fn(f32) -> f32,
+    is_signed: bool,
 ) -> Result<Frame> {
     let mut image = finite(Stack::open(path)?.only(channel)?, &io::name(path))?;
     let (height, width) = image.pixels.dim();
     camera.check_image(&io::name(path), width, height)?;
+    if let Some(file) = files.mask {
+        let mask = like("mask", file, path, &image, channel)?;
+        Refusal::unless(mask.iter().any(|value| *value > 0.0), || "all pixels are 0", "wanted pixels that are used")
+            .map_err(|refusal| refusal.about(io::name(file)))?;
+        image.pixels.zip_mut_with(&mask, |pixel, used| *pixel = if *used > 0.0 { *pixel } else { f32::NAN });
+    }
     let clipped = clipped_share(image.pixels.view());
-    if let Some(file) = background {
+    let black = ClippedBlack::of(image.pixels.view());
+    if let Some(black) = black.filter(|_| is_signed) {
+        black.unclip(&mut image.pixels);
+    }
+    if let Some(file) = files.background {
         let dark = like("background", file, path, &image, channel)?;
         image.pixels -= &dark;
     }
-    image.pixels.mapv_inplace(held);
+    if !is_signed {
+        image.pixels.mapv_inplace(|pixel| if pixel < 0.0 { 0.0 } else { pixel });
+    }
     if let Some(file) = camera.flat_field(camera_file) {
         let flat = like("flat field", &file, path, &image, channel)?;
         image.pixels.zip_mut_with(&flat, |pixel, flat| *pixel = if *flat < BLIND { f32::NAN } else { *pixel / flat });
     }
-    Ok(Frame { pixels: image.pixels, history: image.history, clipped })
+    Ok(Frame { pixels: image.pixels, history: image.history, clipped, black })
 }
 
 /// Pixels of `file`, which must be as large as the frame; `what` names it in the message.

@@ -24,6 +24,7 @@
 //! **Colour.** RGB in any of these formats is read as grey if its channels are equal in every pixel; otherwise a
 //! [`Channel`] must be chosen. Full alpha is ignored; other alpha is refused unless a channel is chosen.
 
+mod black;
 mod channel;
 mod clipped;
 mod decode;
@@ -35,11 +36,14 @@ mod png;
 mod stack;
 mod tiff;
 
+pub use black::ClippedBlack;
 pub use channel::Channel;
 pub use clipped::clipped_share;
 pub use decode::Image;
 pub(crate) use decode::guarded;
-pub use files::{BLIND, Frame, frames, open, open_counts, open_frame, open_signed_frame, outside_u16, save};
+pub use files::{
+    BLIND, Frame, FrameFiles, frames, open, open_counts, open_frame, open_signed_frame, outside_u16, save,
+};
 pub use noise::noise;
 pub use png::{picture, picture_colour};
 pub use stack::Stack;

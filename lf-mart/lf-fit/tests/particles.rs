@@ -103,6 +103,22 @@ fn a_drift_is_found_said_and_written() {
     assert!(!held.contains("drifted") && held.contains("noise does not explain the image"), "{held}");
 }
 
+/// A bright reflection under the mask changes nothing, and most particles behind it are found by other lenslets.
+#[test]
+fn a_masked_reflection_changes_nothing() {
+    let bench = bench(&[]);
+    bench.reflection("scene/frame-0000.exr");
+    for (frame, table) in [("scene/frame-0000.exr", "one.csv"), ("bright.exr", "two.csv")] {
+        let words = format!("scene/truth-0000.lfv -i {frame} -c scene/camera.json --mask mask.exr --particles {table}");
+        assert_eq!(bench.done(&words).stderr, "");
+    }
+    assert!(bench.bytes("one.csv") == bench.bytes("two.csv"));
+    let (truth, found) = (table(&bench, "scene/particles.csv"), table(&bench, "one.csv"));
+    let share = matched(&truth, &found).len() as f64 / truth.len() as f64;
+    assert!(share > 0.85 && found.len() <= truth.len(), "{share}, {} of {}", found.len(), truth.len());
+    bench.refused(&format!("{CALL} --mask mask.exr --mask mask.exr"), &["--mask: given 2 times; wanted one mask"]);
+}
+
 /// A thin volume is fitted in 4 x 2 tiles of 210 x 210 pixels. Particles at their borders are found once.
 #[test]
 fn bytes_do_not_depend_on_threads_or_pipes_and_tiles_meet() {

@@ -3,7 +3,7 @@
 use super::preset::{self, WeightsName};
 use super::{arguments::Arguments, misfit};
 use lf_core::cli::MemoryLimit;
-use lf_core::image::{self, Frame};
+use lf_core::image::{self, Frame, FrameFiles};
 use lf_core::{
     Camera, Error, Grid, Result, Session, Tile, Verdict, Volume, cli, io, volume, weights::aperture_sections,
 };
@@ -26,8 +26,9 @@ fn run(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
     let name = io::name(&arguments.support);
     let (camera, image, support) = session.phase("read", |_| {
         let camera = Camera::open(&arguments.camera)?;
-        let (background, channel) = (arguments.background.as_deref(), arguments.reading.channel);
-        let image = image::open_frame(&arguments.image, background, &camera, &arguments.camera, channel)?;
+        let files = FrameFiles { background: arguments.background.as_deref(), mask: arguments.mask.as_deref() };
+        let channel = arguments.reading.channel;
+        let image = image::open_frame(&arguments.image, files, &camera, &arguments.camera, channel)?;
         Ok((camera, image, Volume::open(&arguments.support)?))
     })?;
     let flat = camera.flat_field(&arguments.camera);
@@ -89,7 +90,9 @@ fn run(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
 /// Refuses outputs that overwrite inputs or each other, or that cannot be written.
 fn check_files(arguments: &Arguments, session: &Session) -> Result<()> {
     let mut inputs = vec![arguments.support.as_path(), arguments.image.as_path(), arguments.camera.as_path()];
-    inputs.extend(arguments.background.as_deref().into_iter().chain(arguments.start.as_deref()));
+    inputs.extend(
+        [&arguments.background, &arguments.mask, &arguments.start].into_iter().flat_map(|file| file.as_deref()),
+    );
     session.keep_apart(&arguments.output, &inputs)?;
     io::check_place(&arguments.output)?;
     let Some(log) = &arguments.log else { return Ok(()) };

@@ -36,6 +36,9 @@ pub struct Arguments {
     /// Image to subtract first; values below zero become zero
     #[arg(short, long, value_name = "FILE", help_heading = FILES)]
     pub background: Option<PathBuf>,
+    /// Image of the frame's size that is 0 where a wall or a reflection is: such pixels say nothing
+    #[arg(long, value_name = "FILE", help_heading = FILES)]
+    pub mask: Option<PathBuf>,
     #[command(flatten, next_help_heading = FILES)]
     pub reading: ImageOptions,
     /// Support (.lfv), - for standard output [default: -]

@@ -2,9 +2,8 @@
 
 use super::again::{self, Frame, Pruned};
 use super::{arguments::Arguments, warnings};
-use lf_core::{
-    Camera, Grid, Result, Session, Tile, Verdict, cli, image, io, particles, volume, weights::aperture_sections,
-};
+use lf_core::image::{self, FrameFiles};
+use lf_core::{Camera, Grid, Result, Session, Tile, Verdict, cli, io, particles, volume, weights::aperture_sections};
 use lf_prune::{Automatic, PruneOptions, PrunePlan, Region, Support};
 use std::path::Path;
 use std::process::ExitCode;
@@ -16,14 +15,15 @@ pub fn main() -> ExitCode {
 fn run(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
     arguments.check()?;
     let mut inputs = vec![arguments.image.as_path(), arguments.camera.as_path()];
-    let others = [&arguments.background, &arguments.truth, &arguments.like];
+    let others = [&arguments.background, &arguments.mask, &arguments.truth, &arguments.like];
     inputs.extend(others.into_iter().flat_map(|file| file.as_deref()));
     session.keep_apart(&arguments.output, &inputs)?;
     io::check_place(&arguments.output)?;
     let (camera, image) = session.phase("read", |_| {
         let camera = Camera::open(&arguments.camera)?;
-        let (background, channel) = (arguments.background.as_deref(), arguments.reading.channel);
-        let image = image::open_frame(&arguments.image, background, &camera, &arguments.camera, channel)?;
+        let files = FrameFiles { background: arguments.background.as_deref(), mask: arguments.mask.as_deref() };
+        let channel = arguments.reading.channel;
+        let image = image::open_frame(&arguments.image, files, &camera, &arguments.camera, channel)?;
         Ok((camera, image))
     })?;
     let pixels = image.pixels.view();

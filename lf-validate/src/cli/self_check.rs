@@ -4,7 +4,8 @@ use super::limits::{is_at_most, number, verdict};
 use super::output::print;
 use super::split::NoiseOptions;
 use lf_core::cli::ImageOptions;
-use lf_core::{Camera, Error, Result, Session, Verdict, image, io, particles};
+use lf_core::image::{self, FrameFiles};
+use lf_core::{Camera, Error, Result, Session, Verdict, io, particles};
 use lf_validate::scores::self_check::{Agreement, HeldOut, agreement, held_out, self_check};
 use std::path::{Path, PathBuf};
 
@@ -49,6 +50,9 @@ pub struct SelfArguments {
     /// Background of the frame
     #[arg(short, long, value_name = "FILE")]
     background: Option<PathBuf>,
+    /// Mask of the frame, as lf-fit took it
+    #[arg(long, value_name = "FILE")]
+    mask: Option<PathBuf>,
     #[command(flatten)]
     noise: NoiseOptions,
     /// Distances from the focal plane between which particles are compared apart, rising, mm
@@ -71,9 +75,13 @@ const ASIDE_PX: f64 = 1.5;
 
 /// Compares, and prints the checks.
 pub fn judge(arguments: &SelfArguments, session: &mut Session) -> Result<Verdict> {
-    let SelfArguments { tables, camera: file, expected, image, background, depths, .. } = arguments;
-    let inputs: Vec<&Path> =
-        tables.iter().chain([file]).chain(expected).chain(image).chain(background).map(PathBuf::as_path).collect();
+    let SelfArguments { tables, camera: file, expected, image, background, mask, depths, .. } = arguments;
+    let inputs: Vec<&Path> = tables
+        .iter()
+        .chain([file])
+        .chain([expected, image, background, mask].into_iter().flatten())
+        .map(PathBuf::as_path)
+        .collect();
     session.keep_apart(Path::new("-"), &inputs)?;
     if !depths.is_sorted_by(|a, b| a < b) || depths[0] < 0.0 {
         let typed: Vec<String> = depths.iter().map(f64::to_string).collect();
@@ -96,9 +104,9 @@ pub fn judge(arguments: &SelfArguments, session: &mut Session) -> Result<Verdict
 fn predicted(arguments: &SelfArguments, camera: &Camera, session: &mut Session) -> Result<Option<HeldOut>> {
     let (Some(expected), Some(file)) = (&arguments.expected, &arguments.image) else { return Ok(None) };
     let noise = arguments.noise.of(camera, &arguments.camera)?;
-    let (background, channel) = (arguments.background.as_deref(), arguments.reading.channel);
+    let files = FrameFiles { background: arguments.background.as_deref(), mask: arguments.mask.as_deref() };
     let (seen, light) = session.phase("read", |_| {
-        let frame = image::open_signed_frame(file, background, camera, &arguments.camera, channel)?;
+        let frame = image::open_signed_frame(file, files, camera, &arguments.camera, arguments.reading.channel)?;
         let light = image::open(expected)?.pixels;
         camera.check_image(&io::name(expected), light.ncols(), light.nrows())?;
         Ok((frame.pixels, light))

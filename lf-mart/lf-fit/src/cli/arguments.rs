@@ -38,6 +38,10 @@ pub struct Arguments {
     /// mean
     #[arg(short, long, value_name = "FILE")]
     pub background: Vec<PathBuf>,
+    /// Image of the frame's size that is 0 where a wall or a reflection is: such pixels say nothing; none, or one for
+    /// each image
+    #[arg(long, value_name = "FILE")]
+    pub mask: Vec<PathBuf>,
     #[command(flatten)]
     pub reading: ImageOptions,
     /// Only print the resources needed: {"memory_bytes", "voxels"} as JSON on standard output
@@ -120,6 +124,7 @@ impl Arguments {
             ("--camera", "camera", &self.camera, self.camera.len() == images),
             ("volume", "volume", &self.volume, self.volume.len() == images),
             ("--background", "background", &self.background, optional(&self.background)),
+            ("--mask", "mask", &self.mask, optional(&self.mask)),
             ("--camera-out", "camera", &self.camera_out, optional(&self.camera_out)),
             ("--expected", "image", &self.expected, optional(&self.expected)),
         ] {

@@ -1,11 +1,11 @@
 //! The cameras of a fit with their images and volumes.
 
 use super::arguments::Arguments;
-use lf_core::image::{self, Frame};
+use lf_core::image::{self, Frame, FrameFiles};
 use lf_core::volume::Tile;
 use lf_core::{Camera, Error, Refusal, Result, Session, Volume, cli, io};
 use lf_fit::CameraInput;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// The files of a camera.
 pub struct Files {
@@ -19,8 +19,10 @@ pub fn open(arguments: &Arguments, session: &mut Session) -> Result<Vec<Files>> 
     let one = |n: usize| {
         let file = &arguments.camera[n];
         let camera = Camera::open(file)?;
-        let (background, channel) = (arguments.background.get(n).map(|file| file.as_path()), arguments.reading.channel);
-        let image = image::open_signed_frame(&arguments.image[n], background, &camera, file, channel)?;
+        let [background, mask] =
+            [&arguments.background, &arguments.mask].map(|files| files.get(n).map(PathBuf::as_path));
+        let files = FrameFiles { background, mask };
+        let image = image::open_signed_frame(&arguments.image[n], files, &camera, file, arguments.reading.channel)?;
         let volume = Volume::open(&arguments.volume[n])?;
         Ok(Files { camera, image, volume })
     };

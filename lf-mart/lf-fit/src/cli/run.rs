@@ -54,9 +54,9 @@ fn outputs(arguments: &Arguments) -> Vec<&Path> {
 
 /// Refuses outputs that overwrite inputs or each other, or that cannot be written.
 fn check_files(arguments: &Arguments, session: &Session) -> Result<()> {
-    let Arguments { volume, image, camera, background, .. } = arguments;
+    let Arguments { volume, image, camera, background, mask, .. } = arguments;
     let inputs: Vec<&Path> =
-        [volume, image, camera, background].into_iter().flatten().map(|path| path.as_path()).collect();
+        [volume, image, camera, background, mask].into_iter().flatten().map(|path| path.as_path()).collect();
     let outputs = outputs(arguments);
     if outputs.iter().filter(|output| io::is_standard(output)).count() > 1 {
         return Err(Error::new("standard output", "asked for more than once", "wanted --particles FILE"));
@@ -85,7 +85,7 @@ fn solve<'a>(
         let on_step = |step: &Progress| {
             let (text, mut line) = words(step, began.elapsed().as_secs_f64());
             let name = step.camera.map(|n| io::name(&arguments.camera[n]));
-            session.explain(name.as_ref().map_or(String::new(), |name| format!("{name}: ")) + &text);
+            session.explain_step(name.as_ref().map_or(String::new(), |name| format!("{name}: ")) + &text);
             if let Some(name) = name {
                 line["camera"] = json!(name);
             }

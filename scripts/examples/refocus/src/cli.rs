@@ -2,7 +2,8 @@
 
 use clap::Parser;
 use lf_core::cli::{self, Common, ImageOptions};
-use lf_core::{Camera, Result, Session, Verdict, Volume, image, io, volume};
+use lf_core::image::{self, FrameFiles};
+use lf_core::{Camera, Result, Session, Verdict, Volume, io, volume};
 use lf_refocus::refocus;
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -23,6 +24,9 @@ struct Arguments {
     /// Image to subtract first; negative counts become zero
     #[arg(short, long, value_name = "FILE")]
     background: Option<PathBuf>,
+    /// Image of the frame's size that is 0 where pixels are not used
+    #[arg(long, value_name = "FILE")]
+    mask: Option<PathBuf>,
     /// Accepted because lf-mart has it; refocusing repeats nothing
     #[arg(long, value_name = "N")]
     iterations: Option<usize>,
@@ -41,12 +45,13 @@ pub fn main() -> ExitCode {
 
 fn run(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
     let mut inputs = vec![arguments.support.as_path(), arguments.image.as_path(), arguments.camera.as_path()];
-    inputs.extend(arguments.background.as_deref());
+    inputs.extend(arguments.background.as_deref().into_iter().chain(arguments.mask.as_deref()));
     session.keep_apart(&arguments.output, &inputs)?;
     let (camera, image, support) = session.phase("read", |_| {
         let camera = Camera::open(&arguments.camera)?;
-        let (background, channel) = (arguments.background.as_deref(), arguments.reading.channel);
-        let image = image::open_frame(&arguments.image, background, &camera, &arguments.camera, channel)?;
+        let files = FrameFiles { background: arguments.background.as_deref(), mask: arguments.mask.as_deref() };
+        let channel = arguments.reading.channel;
+        let image = image::open_frame(&arguments.image, files, &camera, &arguments.camera, channel)?;
         Ok((camera, image.pixels, Volume::open(&arguments.support)?))
     })?;
     let means = session.phase("refocus", |_| Ok(refocus(image.view(), &camera, support.grid(), support.indices())))?;
