@@ -21,7 +21,7 @@
 use super::cell_surface::Ladder;
 use super::lenslet_image::{LIGHT, LensletImage, Listed, PLACES, Patch, QUANTITIES, Scratch};
 use super::lenslet_lines::LensletLine;
-use super::means::{FourPlaces, LANES, Mean};
+use super::mean::{FourPlaces, LANES, Mean};
 use super::place::Place;
 use super::sensor_blur::{Bell, PIXEL_VARIANCE, SensorBlur, Widened};
 use glam::{DVec2, DVec4};
@@ -141,6 +141,55 @@ struct Pixel {
     is_round: bool,
 }
 
+/// The slope and the curvature of the logarithm of a mean.
+struct Logarithm {
+    per_level: DVec4,
+    slope: [DVec4; 2],
+    xx: DVec4,
+    xy: DVec4,
+    yy: DVec4,
+}
+
+impl Logarithm {
+    #[inline(always)]
+    fn of(mean: &Mean) -> Self {
+        let number = |n: usize| DVec4::from_array(mean[n]);
+        let per_level = 1.0 / number(0).max(DVec4::splat(DARK));
+        let slope = [number(1) * per_level, number(2) * per_level];
+        Self {
+            per_level,
+            slope,
+            xx: number(3) * per_level - slope[0] * slope[0],
+            xy: number(4) * per_level - slope[0] * slope[1],
+            yy: number(5) * per_level - slope[1] * slope[1],
+        }
+    }
+
+    /// The derivatives by the size of the slope, and of the curvature along x and y.
+    #[inline(always)]
+    fn by_size(&self, mean: &Mean) -> ([DVec4; 2], [DVec4; 2]) {
+        let by = |n: usize| DVec4::from_array(mean[n]) * self.per_level;
+        let level = by(6);
+        let slope = [by(7) - level * self.slope[0], by(8) - level * self.slope[1]];
+        let along = by(9) - by(3) * level - 2.0 * self.slope[0] * slope[0];
+        let across = by(11) - by(5) * level - 2.0 * self.slope[1] * slope[1];
+        (slope, [along, across])
+    }
+}
+
+/// Hands the numbers of four pixels out, except to dark ones.
+#[inline(always)]
+fn scatter<const N: usize>(mean: &Mean, numbers: &[DVec4; QUANTITIES], out: &mut [[f64; QUANTITIES]]) {
+    let numbers = numbers.map(|numbers| numbers.to_array());
+    for (k, pixel) in out.iter_mut().enumerate() {
+        if mean[0][k] > DARK {
+            for n in 0..N {
+                pixel[n] = numbers[n][k];
+            }
+        }
+    }
+}
+
 impl Pixel {
     /// The light of up to four pixels and its derivatives.
     #[inline(always)]
@@ -154,14 +203,11 @@ impl Pixel {
         out: &mut [[f64; QUANTITIES]],
     ) {
         let Self { alpha, kernel, kernel_alpha, scale, .. } = *self;
-        // Find the middle and the variance of the bump from the logarithm of the mean.
         let number = |n: usize| DVec4::from_array(mean[n]);
         let (mean_level, mean_slope, by_size) = (number(0), [number(1), number(2)], number(6));
-        let per_level = 1.0 / mean_level.max(DVec4::splat(DARK));
-        let slope = [mean_slope[0] * per_level, mean_slope[1] * per_level];
-        let xx = number(3) * per_level - slope[0] * slope[0];
-        let xy = number(4) * per_level - slope[0] * slope[1];
-        let yy = number(5) * per_level - slope[1] * slope[1];
+        let log = Logarithm::of(mean);
+        let Logarithm { slope, xx, xy, yy, .. } = log;
+        // Find the middle and the variance of the bump from the logarithm of the mean.
         let most = [DVec4::splat(self.most_shift.x), DVec4::splat(self.most_shift.y)];
         let middle = [
             x.u + (kernel_alpha.x * slope[0]).max(-most[0]).min(most[0]),
@@ -201,17 +247,11 @@ impl Pixel {
                 + numbers[0] * self.growth;
             if N > PLACES {
                 // The bump moves and narrows with the size of the spot, through both derivatives of the logarithm.
-                let by_level = by_size * per_level;
-                let slope_by =
-                    [number(7) * per_level - by_level * slope[0], number(8) * per_level - by_level * slope[1]];
-                let curve_by = |n: usize, raw: DVec4, raw_by: DVec4| {
-                    let own = raw_by * per_level - raw * per_level * by_level;
-                    alpha[n] * alpha[n] * (own - 2.0 * slope[n] * slope_by[n])
-                };
-                let curve_by = [curve_by(0, number(3), number(9)), curve_by(1, number(5), number(11))];
+                let (slope_by, curve_by) = log.by_size(mean);
                 let by_variance = [level * inside.by_variance[0], level * inside.by_variance[1]];
                 let by_bump = |n: usize| {
-                    by_middle[n] * kernel_alpha[n] * slope_by[n] + by_variance[n] * kernel[n] * kernel[n] * curve_by[n]
+                    by_middle[n] * kernel_alpha[n] * slope_by[n]
+                        + by_variance[n] * (kernel_alpha[n] * kernel_alpha[n]) * curve_by[n]
                 };
                 let by_bump = by_bump(0) + by_bump(1);
                 let by_size = share * by_size + by_bump;
@@ -227,14 +267,7 @@ impl Pixel {
                 numbers[7] = by_size * widened.by_blur + by_inside(0) + by_inside(1);
             }
         }
-        let numbers = numbers.map(|numbers| numbers.to_array());
-        for (k, pixel) in out.iter_mut().enumerate() {
-            if mean[0][k] > DARK {
-                for n in 0..N {
-                    pixel[n] = numbers[n][k];
-                }
-            }
-        }
+        scatter::<N>(mean, &numbers, out);
     }
 
     /// The shares of normal bumps that lie inside the stop.

@@ -3,7 +3,6 @@
 use super::cross::{Cross, Line};
 use super::normal::{density, distribution, ramp};
 use super::spline::Spline;
-use super::table::Table;
 use crate::lattice::chord;
 use glam::DVec2;
 use std::cmp::Ordering;
@@ -24,6 +23,7 @@ pub(super) struct Ladder<T> {
     corners: Vec<DVec2>,
     /// Standard deviations of the spots on the array, mm, and their tables.
     rungs: Vec<(f64, OnceLock<Tables<T>>)>,
+    make: fn(&[DVec2], f64) -> Tables<T>,
 }
 
 /// Both functions of a cell.
@@ -68,8 +68,8 @@ impl Surfaces {
     pub(super) fn new(corners: &[DVec2], sigmas_mm: &[f64]) -> Self {
         let half = half_sides(corners);
         match corners.len() == 4 && corners.iter().all(|corner| (corner.abs() - half).length() < 1e-9 * half.x) {
-            true => Self::Rectangle(Arc::new(Ladder::new(corners, sigmas_mm))),
-            false => Self::Any(Arc::new(Ladder::new(corners, sigmas_mm))),
+            true => Self::Rectangle(Arc::new(Ladder::new(corners, sigmas_mm, Tables::of_rectangle))),
+            false => Self::Any(Arc::new(Ladder::new(corners, sigmas_mm, Tables::of_cell))),
         }
     }
 
@@ -87,10 +87,10 @@ pub(super) fn half_sides(corners: &[DVec2]) -> DVec2 {
     corners.iter().fold(DVec2::ZERO, |half, corner| half.max(corner.abs()))
 }
 
-impl<T: Table> Ladder<T> {
-    fn new(corners: &[DVec2], sigmas_mm: &[f64]) -> Self {
+impl<T> Ladder<T> {
+    fn new(corners: &[DVec2], sigmas_mm: &[f64], make: fn(&[DVec2], f64) -> Tables<T>) -> Self {
         let rungs = sigmas_mm.iter().map(|sigma_mm| (*sigma_mm, OnceLock::new())).collect();
-        Self { corners: corners.to_vec(), rungs }
+        Self { corners: corners.to_vec(), rungs, make }
     }
 
     fn is_for(&self, corners: &[DVec2], sigmas_mm: &[f64], off_mm: f64) -> bool {
@@ -106,13 +106,13 @@ impl<T: Table> Ladder<T> {
         let below = above.saturating_sub(1);
         let is_below = spot_mm * spot_mm < self.rungs[below].0 * self.rungs[above].0;
         let (sigma_mm, tables) = &self.rungs[if is_below { below } else { above }];
-        tables.get_or_init(|| T::of_cell(&self.corners, *sigma_mm))
+        tables.get_or_init(|| (self.make)(&self.corners, *sigma_mm))
     }
 }
 
 impl Tables<Spline> {
     /// For a convex cell.
-    pub(super) fn of_cell(corners: &[DVec2], sigma_mm: f64) -> Self {
+    fn of_cell(corners: &[DVec2], sigma_mm: f64) -> Self {
         let half = half_sides(corners);
         let step = sigma_mm / NODES_PER_SIGMA;
         let reach = half + REACH_SIGMA * sigma_mm + MARGIN * step;
@@ -156,7 +156,8 @@ impl Tables<Spline> {
 
 impl Tables<Cross> {
     /// For a rectangle along the axes.
-    pub(super) fn of_rectangle(half: DVec2, sigma_mm: f64) -> Self {
+    fn of_rectangle(corners: &[DVec2], sigma_mm: f64) -> Self {
+        let half = half_sides(corners);
         let step = sigma_mm / NODES_PER_SIGMA_OF_LINES;
         let line = |half: f64, of: &dyn Fn(f64, f64) -> [f64; 2]| {
             let reach = half + REACH_SIGMA * sigma_mm + MARGIN * step;
@@ -200,6 +201,7 @@ fn strips(corners: &[DVec2], sigma_mm: f64) -> Vec<Strip> {
 
 #[cfg(test)]
 mod tests {
+    use super::super::table::Table;
     use super::*;
 
     /// H and G at a place, each with slopes and derivative by the size.

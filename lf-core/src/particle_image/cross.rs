@@ -1,9 +1,7 @@
 //! A product of two functions, one along each axis, as cubic B-splines.
 
-use super::cell_surface::{Tables, half_sides};
 use super::spline::{Stencil, cubic, solve};
 use super::table::Table;
-use glam::DVec2;
 
 /// A function along one axis, linear in the size.
 #[derive(Debug, Clone)]
@@ -104,10 +102,6 @@ impl Table for Cross {
     fn at<const N: usize>(&self, x: &Read, y: &Read, _: f64) -> [f64; 4] {
         let by_size = if N > 4 { x.by_size * y.value + x.value * y.by_size } else { 0.0 };
         [x.value * y.value, x.slope * y.value, x.value * y.slope, by_size]
-    }
-
-    fn of_cell(corners: &[DVec2], sigma_mm: f64) -> Tables<Self> {
-        Tables::of_rectangle(half_sides(corners), sigma_mm)
     }
 }
 

@@ -7,7 +7,7 @@ use super::cross::{Cross, LineJet, Read};
 use super::edge_sums::EdgeSums;
 use super::factor::Factor;
 use super::lenslet_lines::LensletLine;
-use super::means::{FourPlaces, Mean};
+use super::mean::{FourPlaces, Mean};
 use super::place::{Place, width};
 use super::rim::{self, Side, Strip, Way};
 use super::share::Shared;

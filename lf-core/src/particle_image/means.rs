@@ -1,47 +1,15 @@
-//! Means of a cell's share of light over pixels, with their derivatives by the place on the array. Four pixels of a row
-//! are one.
+//! Means of a cell's share of light over pixels, with their derivatives by the place on the array.
 
 use super::cell_surface::Tables;
 use super::cross::{Cross, LineJet};
-use super::lenslet_image::Scratch;
-use super::place::Place;
+use super::lenslet_image::{PLACES, Scratch};
+use super::mean::{LANES, Mean, NUMBERS, PLAIN};
 use super::spline::Spline;
-use glam::DVec4;
 
-/// Pixels that are computed at once.
-pub(super) const LANES: usize = 4;
-/// Numbers of a mean, and those that are not derivatives by the size.
-const NUMBERS: usize = 12;
-const PLAIN: usize = 6;
-
-/// Means of the cell's share over four pixels and the blur, with their derivatives by the place on the array and by the
-/// size of the spot: the numbers of [`super::spline::Jet`], each for four pixels.
-pub(super) type Mean = [[f64; LANES]; NUMBERS];
-
-/// Four places along x.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct FourPlaces {
-    pub(super) u: DVec4,
-    pub(super) u_by: [DVec4; 3],
-    pub(super) x_by: [DVec4; 3],
-}
-
-impl FourPlaces {
-    /// The places from `first` on; the last one is repeated.
-    #[inline(always)]
-    pub(super) fn new(places: &[Place], first: usize) -> Self {
-        let four = [0, 1, 2, 3].map(|k| &places[(first + k).min(places.len() - 1)]);
-        let [a, b, c, d] = four;
-        let u_by = |n: usize| DVec4::new(a.u_by[n], b.u_by[n], c.u_by[n], d.u_by[n]);
-        let x_by = |n: usize| DVec4::new(a.x_by[n], b.x_by[n], c.x_by[n], d.x_by[n]);
-        Self { u: DVec4::new(a.u, b.u, c.u, d.u), u_by: [u_by(0), u_by(1), u_by(2)], x_by: [x_by(0), x_by(1), x_by(2)] }
-    }
-}
-
-/// How many numbers of a mean are needed for so many quantities.
+/// How many numbers of a mean N quantities need.
 #[inline(always)]
 fn needed<const N: usize>() -> usize {
-    if N > super::lenslet_image::PLACES { NUMBERS } else { PLAIN + 1 }
+    if N > PLACES { NUMBERS } else { PLAIN + 1 }
 }
 
 /// Room for the means of rows of pixels.

@@ -39,6 +39,7 @@ mod edge_sums;
 mod factor;
 mod lenslet_image;
 mod lenslet_lines;
+mod mean;
 mod means;
 mod model;
 mod normal;

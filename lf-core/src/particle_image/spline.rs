@@ -1,8 +1,6 @@
 //! A function of the plane and of a size, as a cubic B-spline: smooth, with exact derivatives of what it gives.
 
-use super::cell_surface::Tables;
 use super::table::Table;
-use glam::DVec2;
 
 /// The function on a square lattice of nodes, linear in the size.
 #[derive(Debug, Clone)]
@@ -167,10 +165,6 @@ impl Table for Spline {
             return [dot(level, x.weights), 0.0, 0.0, 0.0];
         }
         [dot(level, x.weights), dot(level, x.slopes), dot(slope, x.weights), by_size]
-    }
-
-    fn of_cell(corners: &[DVec2], sigma_mm: f64) -> Tables<Self> {
-        Tables::<Spline>::of_cell(corners, sigma_mm)
     }
 }
 

@@ -1,10 +1,7 @@
 //! A function of a place on the array and of the spot's size.
 
-use super::cell_surface::Tables;
-use glam::DVec2;
-
 /// A function that is read at a place along each axis.
-pub(super) trait Table: Sized {
+pub(super) trait Table {
     /// A place along one axis, as the table reads it.
     type Taps: Copy;
 
@@ -17,7 +14,4 @@ pub(super) trait Table: Sized {
     /// Value, slopes along x and y if N is more than 1, and derivative by the size if N is more than 4, for a size that
     /// is `more` than the table's.
     fn at<const N: usize>(&self, x: &Self::Taps, y: &Self::Taps, more: f64) -> [f64; 4];
-
-    /// The tables of a cell with these corners for a spot of this standard deviation, mm.
-    fn of_cell(corners: &[DVec2], sigma_mm: f64) -> Tables<Self>;
 }

@@ -66,7 +66,7 @@ impl Shape {
         ParticleModel::new(&self.camera(camera), self.sigma_px * camera.pixel_in_focus_mm(), depth_mm)
     }
 
-    /// The same, after a model of another shape of the camera.
+    /// Like [`Self::model`], from the model of another shape of the camera.
     pub(crate) fn model_after(
         &self,
         other: &ParticleModel,
