@@ -2,6 +2,7 @@
 //!
 //! Each step is a loop over a few hundred rays in flight. A step that the scene does not ask for is not run.
 
+use super::aberrations::Aberrations;
 use super::diffraction::{Diffraction, Pattern};
 use super::samples::{Samples, Shape};
 use super::sources::{Glow, WhiteCells};
@@ -13,7 +14,9 @@ use lf_core::{Camera, Optics};
 /// A camera with the effects that bend or stop its rays.
 #[derive(Debug)]
 pub struct Instrument {
+    /// Without aberrations.
     optics: Optics,
+    aberrations: Option<Aberrations>,
     pub(super) aperture: Shape,
     second_stop: Option<SecondStop>,
     blur: Option<Pattern>,
@@ -59,7 +62,8 @@ impl Instrument {
         let blur = Pattern::new(diffraction, camera);
         let reach_mm = blur.as_ref().map_or(0.0, |pattern| pattern.reach_mm);
         Self {
-            optics: Optics::new(camera),
+            optics: Optics::new(&Camera { aberrations: None, ..camera.clone() }),
+            aberrations: Aberrations::new(camera),
             aperture: camera.main_lens.aperture.into(),
             second_stop,
             blur,
@@ -114,12 +118,20 @@ impl Instrument {
             in_aperture.apply(samples.first(first, n), half, &mut u[..n], &mut v[..n]);
             in_image.apply(samples.second(first, n), size, &mut x[..n], &mut y[..n]);
             for i in 0..n {
-                let point = centre + DVec2::new(x[i], y[i]);
-                let hit = self.optics.array_from_object(point, z_mm, DVec2::new(u[i], v[i]));
+                let (point, aperture) = (centre + DVec2::new(x[i], y[i]), DVec2::new(u[i], v[i]));
+                let hit = self.optics.array_from_object(point, z_mm, aperture) + self.aberration_mm(point, z_mm, aperture);
                 (x[i], y[i]) = (hit.x, hit.y);
             }
             self.finish(&mut flight, n, start + first, tally);
         }
+    }
+
+    /// The shift of a ray on the array by aberrations, mm.
+    #[inline(always)]
+    fn aberration_mm(&self, point_mm: DVec2, z_mm: f64, aperture_mm: DVec2) -> DVec2 {
+        let Some(aberrations) = &self.aberrations else { return DVec2::ZERO };
+        let distorted = self.optics.array_from_object(point_mm, z_mm, DVec2::ZERO);
+        aberrations.shift_mm(distorted - self.optics.distortion_mm(point_mm, z_mm), aperture_mm)
     }
 
     /// Casts the rays through one row of white cells and counts them in `tally`.
@@ -189,9 +201,10 @@ impl Instrument {
         // The circle of 1.5 half sides lies outside the corners of a square stop.
         let radius = self.optics.half_aperture_mm * if self.aperture == Shape::Disc { 1.0 } else { 1.5 };
         let (mut low, mut high) = (DVec2::INFINITY, DVec2::NEG_INFINITY);
+        let (point, z_mm) = (particle.place_mm.truncate(), particle.place_mm.z);
         for n in 0..RIM {
             let rim = radius * DVec2::from_angle(std::f64::consts::TAU * n as f64 / RIM as f64);
-            let hit = self.optics.array_from_object(particle.place_mm.truncate(), particle.place_mm.z, rim);
+            let hit = self.optics.array_from_object(point, z_mm, rim) + self.aberration_mm(point, z_mm, rim);
             let place = self.optics.place_px(self.optics.sensor_from_array(hit, rim));
             (low, high) = (low.min(place), high.max(place));
         }

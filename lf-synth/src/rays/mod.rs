@@ -2,6 +2,7 @@
 //! Out: the light on the sensor, counts for each pixel.
 //! Open `render.rs` first.
 
+mod aberrations;
 mod diffraction;
 mod instrument;
 mod render;
