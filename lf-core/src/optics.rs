@@ -309,6 +309,12 @@ impl Optics {
         self.aberrations
     }
 
+    /// Laplacian over the stop of the shift of rays by aberrations, 1/mm; None without the block. It is also the gradient
+    /// of the shift's divergence.
+    pub fn aberration_laplacian(&self, chief_mm: DVec2, aperture_mm: DVec2) -> Option<DVec2> {
+        self.aberrations.map(|aberrations| aberrations.laplacian(chief_mm, aperture_mm))
+    }
+
     /// The microlens lattice.
     #[inline]
     pub fn lattice(&self) -> &Lattice {
