@@ -100,7 +100,7 @@ fn models_are_near_the_rays() {
     }
 }
 
-/// Of the particles of a frame whose rays all terms move by a pixel at the sensor's corner, none loses its voxel.
+/// All terms move rays by a pixel at the sensor's corner: no particle of such a frame loses its voxel.
 #[test]
 fn pruning_keeps_particles_under_aberrations() {
     let all = "camera.aberrations={\"spherical_px\":1,\"coma_px\":1,\"astigmatism_px\":1,\"field_curvature_px\":1}";

@@ -309,8 +309,8 @@ impl Optics {
         self.aberrations
     }
 
-    /// Laplacian over the stop of the shift of rays by aberrations, 1/mm; None without the block. It is also the gradient
-    /// of the shift's divergence.
+    /// Laplacian over the stop of the shift of rays by aberrations, 1/mm; None without the block. It is also the
+    /// gradient of the shift's divergence.
     pub fn aberration_laplacian(&self, chief_mm: DVec2, aperture_mm: DVec2) -> Option<DVec2> {
         self.aberrations.map(|aberrations| aberrations.laplacian(chief_mm, aperture_mm))
     }
@@ -359,8 +359,8 @@ impl Optics {
         g * offset
     }
 
-    /// Slope, without distortion and aberrations, of the ray that passes `aperture_mm` and meets the array at `array_mm`.
-    /// The few px by which aberrations move a ray turn it by some 1e-4 rad.
+    /// Slope, without distortion and aberrations, of the ray that passes `aperture_mm` and meets the array at
+    /// `array_mm`. The few px by which aberrations move a ray turn it by some 1e-4 rad.
     #[inline(always)]
     pub fn slope_from_array(&self, array_mm: DVec2, aperture_mm: DVec2) -> DVec2 {
         let lens_mm = self.lens_mm(array_mm, aperture_mm);

@@ -31,7 +31,8 @@ impl RayAberrations {
         })
     }
 
-    /// How far the ray through a place of the stop moves on the array, mm. The point's chief ray meets it at `chief_mm`.
+    /// How far the ray through a place of the stop moves on the array, mm. The point's chief ray meets the array at
+    /// `chief_mm`.
     #[inline(always)]
     pub(crate) fn shift_mm(&self, chief_mm: DVec2, aperture_mm: DVec2) -> DVec2 {
         let (u, h) = (self.per_half * aperture_mm, self.per_corner * chief_mm);

@@ -126,13 +126,13 @@ pub struct Distortion {
     pub tangential: [f64; 2],
 }
 
-/// Seidel's aberrations of the main lens but distortion: how far they move rays on the array, px of the sensor. Positive
-/// terms move rays away from the chief ray, as a point nearer to the camera does; positive coma moves them away from the
-/// axis. [`crate::optics`] has the equation.
+/// Seidel's aberrations of the main lens but distortion: how far they move rays on the array, px of the sensor.
+/// Positive terms move rays away from the chief ray, as a point nearer to the camera does; positive coma moves them
+/// away from the axis. [`crate::optics`] has the equation.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Aberrations {
-    /// Of rays through the rim of the stop.
+    /// For rays through the rim of the stop, anywhere in the field.
     #[serde(default)]
     pub spherical_px: f64,
     /// At the corner of the sensor, of rays through the rim on the diameter across the field's direction. Those on the

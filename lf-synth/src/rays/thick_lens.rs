@@ -280,8 +280,8 @@ impl Ray {
 impl Crossing {
     /// The ray behind the surface, from either side. None if it misses the surface or is reflected in the glass.
     fn cross(&self, ray: &Ray, is_cut: bool) -> Option<Ray> {
-        // Start where the ray meets the plane of the vertex. With p from the vertex, c the curvature and z along the axis,
-        // c p^2 = 2 z on the sphere. Of its two places on the ray, take the one near the vertex.
+        // Start where the ray meets the plane of the vertex. With p from the vertex, c the curvature and z along the
+        // axis, c p^2 = 2 z on the sphere. Of its two places on the ray, take the one near the vertex.
         let (p, along, c) = (ray.place_at(self.place_mm).extend(0.0), ray.along, self.curvature);
         let (b, rest) = (along.z - c * p.dot(along), c * p.length_squared());
         let root = (b * b - c * rest).sqrt().copysign(b);
@@ -316,8 +316,8 @@ mod tests {
         (lens, camera)
     }
 
-    /// Rays from a point in a sphere of glass of radius R and index n, R / n from its middle, leave as if they came from
-    /// n R off it, at any angle: the sphere's aplanatic points.
+    /// Rays from a point in a sphere of glass of radius R and index n, R / n from its middle, leave as if they came
+    /// from n R off it, at any angle: the sphere's aplanatic points.
     #[test]
     fn a_sphere_has_its_aplanatic_points() {
         let (radius, index) = (10.0, 1.5);

@@ -195,10 +195,14 @@ fn experiment() -> Value {
 }
 
 /// Two achromats of 200 mm, of crown and flint glass, back to back about the stop: a relay whose coma and distortion
-/// cancel at m = 1. Its spherical aberration is least for these radii. On the axis rays through the rim of the stop miss
-/// by 8 px, at the corner by 11.
+/// cancel at m = 1. For these radii rays on the axis miss least at f/4. There, spherical aberration of third order is
+/// -13 px and that of fifth order 19 px; at f/8 they are -1.6 and 0.6 px.
 fn doublets() -> Value {
-    let surface = |radius: f64, index: f64, next: f64| json!({"radius_mm": radius, "half_diameter_mm": 28.0, "index": index, "next_mm": next});
+    let surface = |radius_mm: f64, index: f64, next_mm: f64| {
+        let mut surface = json!({"radius_mm": radius_mm, "half_diameter_mm": 28.0});
+        (surface["index"], surface["next_mm"]) = (index.into(), next_mm.into());
+        surface
+    };
     let mut scene = moved(60, ring(0.0, 1.2, 0.1), [2.0, 2.0, 10.0], [33, 33, 17]);
     scene["thick_lens"] = json!({
         "surfaces": [
