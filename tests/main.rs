@@ -1,5 +1,6 @@
 //! Whole tools and pipelines, seen from outside.
 
+mod aberrations;
 mod bad_input;
 mod bad_output;
 mod bench;

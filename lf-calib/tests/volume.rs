@@ -3,7 +3,7 @@
 use crate::scenes::{self, points};
 use glam::DVec3;
 use lf_calib::{Dot, Exposure, main_lens};
-use lf_core::{Camera, camera::Distortion};
+use lf_core::camera::{Aberrations, Camera, Distortion};
 use ndarray::Array2;
 
 const DEPTHS_MM: [f64; 4] = [-4.0, -2.8, 2.8, 4.0];
@@ -77,6 +77,31 @@ fn an_exit_pupil_that_is_not_the_thin_lens_is_found() {
     assert!((value - 150.0).abs() < 4.0 * uncertainty, "{value} +- {uncertainty}");
     assert_eq!(found.camera.main_lens.pupil_distance_mm, Some(*value));
     assert!(scenes::farthest_px(&found.camera, &truth) < 0.1);
+}
+
+#[test]
+fn aberrations_are_found_within_their_uncertainty() {
+    let nominal = points::camera(LENSLETS);
+    let mut truth = nominal.clone();
+    truth.main_lens.magnification = 1.003;
+    truth.aberrations =
+        Some(Aberrations { spherical_px: 1.0, coma_px: 1.0, astigmatism_px: 1.0, field_curvature_px: -1.0 });
+    let found = main_lens(&exposures(&truth, OFFSET), &nominal, &|_| ()).unwrap();
+    println!("{:?} {:?} {:?}", found.selected, found.values, found.rms_px);
+    let wanted = [
+        ("magnification", 1.003),
+        ("focus_offset_mm", 0.15),
+        ("spherical_px", 1.0),
+        ("coma_px", 1.0),
+        ("astigmatism_px", 1.0),
+        ("field_curvature_px", -1.0),
+    ];
+    for (name, wanted) in wanted {
+        let (_, value, uncertainty) = found.values.iter().find(|(known, _, _)| *known == name).unwrap();
+        let off = (value - wanted).abs() / uncertainty;
+        assert!(off < 4.0, "{name}: {value} +- {uncertainty}, not {wanted}");
+    }
+    assert!(found.rms_px[1] < 0.05, "{:?}", found.rms_px);
 }
 
 #[test]

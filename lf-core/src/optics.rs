@@ -60,12 +60,16 @@
 //!   the aperture does not matter (Seidel's fifth aberration). With t = q(0) and r = |t|,
 //!   `x_m += s_i (t (k1 r^2 + k2 r^4 + k3 r^6) + tangential)`. The tangential part is 2 p1 t_x t_y + p2 (r^2 + 2 t_x^2)
 //!   in x and p1 (r^2 + 2 t_y^2) + 2 p2 t_x t_y in y (Brown 1966).
+//! - **Aberrations.** A ray moves on the array by the gradient of the wave aberration. Let u be (U, V) over the half
+//!   width of the stop, and h the chief ray's place on the array, without distortion, over half the sensor's diagonal.
+//!   With Seidel's terms S, C, A and F (spherical aberration, coma, astigmatism, field curvature),
+//!   `(x_m, y_m) += S u u^2 + C (2 u (u h) + h u^2) + A h (u h) + F u h^2`, where products are those of vectors.
 //! - **Gap and tilt.** A sensor at a distance g other than f_l sees the ray after the lenslet has bent it:
 //!   `x_s = x_m + g ((x_m - U) / s_i - (x_m - c) / f_l)`, with l in place of s_i if there is an exit pupil. On a tilted
 //!   sensor g is the gap at x_s. Places on a tilted sensor are read along the axis, an error of half the square of the
 //!   tilt.
 
-use crate::camera::{Aperture, Camera, Distortion, Medium};
+use crate::camera::{Aperture, Camera, Distortion, Medium, RayAberrations};
 use crate::frame::sensor_axes;
 use crate::lattice::Lattice;
 use glam::DVec2;
@@ -106,6 +110,8 @@ pub struct Optics {
     /// Distance between pixels.
     pub pixel_pitch_mm: f64,
     distortion: Option<Distortion>,
+    aberrations: Option<RayAberrations>,
+    has_bent_rays: bool,
     medium: Option<Medium>,
     sensor_plane: Option<SensorPlane>,
 }
@@ -213,6 +219,8 @@ impl Optics {
             sensor_px: [camera.sensor.width, camera.sensor.height],
             pixel_pitch_mm: camera.sensor.pixel_pitch_mm,
             distortion: camera.distortion.clone(),
+            aberrations: RayAberrations::new(camera),
+            has_bent_rays: camera.has_bent_rays(),
             medium: camera.medium.clone(),
             sensor_plane: (camera.tilt.is_some() || camera.microlenses.gap_mm.is_some()).then(|| SensorPlane {
                 focal_length_mm: camera.microlenses.focal_length_mm,
@@ -290,11 +298,21 @@ impl Optics {
         self.telecentric
     }
 
-    /// Whether a point's place on the array is not linear in the place in the stop: behind a medium, and for the steep
-    /// rays of a telecentric lens.
+    /// See [`Camera::has_bent_rays`].
     #[inline]
     pub(crate) fn bends_rays(&self) -> bool {
-        self.medium.is_some() || self.telecentric.is_some_and(|rays| rays.is_steep)
+        self.has_bent_rays
+    }
+
+    /// The aberrations; None without the block.
+    pub(crate) fn aberrations(&self) -> Option<RayAberrations> {
+        self.aberrations
+    }
+
+    /// Laplacian over the stop of the shift of rays by aberrations, 1/mm; None without the block. It is also the
+    /// gradient of the shift's divergence.
+    pub fn aberration_laplacian(&self, chief_mm: DVec2, aperture_mm: DVec2) -> Option<DVec2> {
+        self.aberrations.map(|aberrations| aberrations.laplacian(chief_mm, aperture_mm))
     }
 
     /// The microlens lattice.
@@ -341,7 +359,8 @@ impl Optics {
         g * offset
     }
 
-    /// Slope, without distortion, of the ray that passes `aperture_mm` and meets the array at `array_mm`.
+    /// Slope, without distortion and aberrations, of the ray that passes `aperture_mm` and meets the array at
+    /// `array_mm`. The few px by which aberrations move a ray turn it by some 1e-4 rad.
     #[inline(always)]
     pub fn slope_from_array(&self, array_mm: DVec2, aperture_mm: DVec2) -> DVec2 {
         let lens_mm = self.lens_mm(array_mm, aperture_mm);
@@ -395,13 +414,20 @@ impl Optics {
     /// Where a ray meets the array, mm.
     #[inline(always)]
     pub fn array_from_object(&self, object_mm: DVec2, z_mm: f64, aperture_mm: DVec2) -> DVec2 {
-        let hit = match (&self.medium, self.lens_shares, &self.telecentric) {
+        let hit = self.perfect_hit(object_mm, z_mm, aperture_mm) + self.distortion_mm(object_mm, z_mm);
+        let Some(aberrations) = &self.aberrations else { return hit };
+        hit + aberrations.shift_mm(self.perfect_hit(object_mm, z_mm, DVec2::ZERO), aperture_mm)
+    }
+
+    /// Where a ray meets the array without distortion and aberrations.
+    #[inline(always)]
+    fn perfect_hit(&self, object_mm: DVec2, z_mm: f64, aperture_mm: DVec2) -> DVec2 {
+        match (&self.medium, self.lens_shares, &self.telecentric) {
             (_, _, Some(rays)) => rays.spread(z_mm, aperture_mm)[0] + rays.chief_mm(sensor_axes(object_mm)),
             (None, _, None) => self.straight_rays(z_mm).array_mm(object_mm, aperture_mm),
             (Some(_), None, None) => self.array_from_lens(object_mm, z_mm, aperture_mm),
             (Some(_), Some(shares), None) => self.array_from_pupil(object_mm, z_mm, aperture_mm, shares),
-        };
-        hit + self.distortion_mm(object_mm, z_mm)
+        }
     }
 
     /// Where the ray that passes `aperture_mm` and meets the array at `array_mm` meets the sensor, mm.

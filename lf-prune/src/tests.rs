@@ -3,7 +3,7 @@
 use super::*;
 use crate::score::{Oracle, Scorer, Shades, Tolerance};
 use glam::DVec2;
-use lf_core::camera::{Distortion, Medium, Tilt};
+use lf_core::camera::{Aberrations, Distortion, Medium, Tilt};
 use lf_core::views::{Sections, ViewsPlan};
 use lf_core::{Camera, Grid, Optics, Refusal, Tile, lattice::Centres};
 use ndarray::{Array2, s};
@@ -23,6 +23,10 @@ const PLAIN: PruneOptions =
 
 /// Moves the corners by about 3 px.
 const DISTORTION: Distortion = Distortion { radial: [4000.0, 0.0, 0.0], tangential: [0.5, -1.0] };
+
+/// A pixel at the corner of a sensor that is four times as wide.
+const ABERRATIONS: Aberrations =
+    Aberrations { spherical_px: 1.0, coma_px: 0.25, astigmatism_px: 0.0625, field_curvature_px: 0.0625 };
 
 /// All kinds of score, each with a threshold that keeps some voxels, and another number of sections.
 const RULES: [PruneOptions; 6] = [
@@ -63,6 +67,8 @@ const STRAIGHT: Tolerance = Tolerance { array_px: 0.002, sensor_px: 0.01, raster
 const DISTORTED: Tolerance = Tolerance { array_px: 0.045, sensor_px: 0.01, raster: 0.1 };
 /// Bent rays are off on the array by 0.2 px against their chief ray.
 const BENT: Tolerance = Tolerance { array_px: 0.25, sensor_px: 0.01, raster: 0.1 };
+/// Aberrations change within the smallest block, of 16 lenslets.
+const ABERRATED: Tolerance = Tolerance { array_px: 0.6, sensor_px: 0.01, raster: 0.1 };
 /// With a gap or a tilt a view stands for rays that part on the sensor.
 const DEFOCUSED: Tolerance = Tolerance { sensor_px: 0.2, ..STRAIGHT };
 const ALL_BENT: Tolerance = Tolerance { sensor_px: 0.2, ..BENT };
@@ -260,6 +266,7 @@ fn bent_rays_are_the_rays_one_by_one() {
         };
         let bent =
             [with(&|camera| camera.centres = Some(departures())), with(&|camera| camera.medium = Some(water.clone()))];
+        let aberrated = with(&|camera| camera.aberrations = Some(ABERRATIONS));
         let distorted = with(&|camera| camera.distortion = Some(DISTORTION));
         let pupil = with(&|camera| camera.main_lens.pupil_distance_mm = Some(500.0));
         let defocused =
@@ -273,7 +280,9 @@ fn bent_rays_are_the_rays_one_by_one() {
         });
         let cameras = bent.iter().map(|camera| (camera, BENT));
         let cameras = cameras.chain(defocused.iter().map(|camera| (camera, DEFOCUSED)));
-        for (camera, tolerance) in cameras.chain([(&distorted, DISTORTED), (&pupil, STRAIGHT), (&all, ALL_BENT)]) {
+        for (camera, tolerance) in
+            cameras.chain([(&distorted, DISTORTED), (&pupil, STRAIGHT), (&aberrated, ABERRATED), (&all, ALL_BENT)])
+        {
             let kept = |rule| kept_as_by_rays(camera, rule, &grids, &[0, 7, 10, 19], tolerance);
             assert!(RULES[..4].iter().map(kept).sum::<usize>() > 0, "{camera:?}");
         }

@@ -99,6 +99,7 @@ pub fn scene(bytes: &[u8]) -> bool {
         return true;
     }
     let instrument = rays::Instrument::new(&camera, scene.second_stop, scene.diffraction.as_ref());
+    let instrument = instrument.with_lens(scene.thick_lens.as_ref(), &camera);
     let mut image = rays::frame(&instrument, &all, &glow, scene.seed, |_| ());
     if let Some(noise) = &scene.sensor_noise {
         noise.record(&mut image.pixels, None, scene.seed, 0);

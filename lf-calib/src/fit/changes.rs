@@ -73,7 +73,7 @@ impl Changes {
 fn number_of(camera: &mut Camera, parameter: Parameter) -> Option<&mut f64> {
     use Parameter as P;
     let (gap_mm, pupil_mm) = (camera.gap_mm(), camera.pupil_distance_mm());
-    let Camera { main_lens, microlenses, tilt, distortion, medium, .. } = camera;
+    let Camera { main_lens, microlenses, tilt, distortion, aberrations, medium, .. } = camera;
     let (level, straight) = (Tilt { x_rad: 0.0, y_rad: 0.0 }, Distortion { radial: [0.0; 3], tangential: [0.0; 2] });
     Some(match parameter {
         P::Magnification => &mut main_lens.magnification,
@@ -88,6 +88,10 @@ fn number_of(camera: &mut Camera, parameter: Parameter) -> Option<&mut f64> {
         P::TiltY => &mut tilt.get_or_insert(level).y_rad,
         P::K1 | P::K2 | P::K3 => &mut distortion.get_or_insert(straight).radial[parameter as usize - P::K1 as usize],
         P::P1 | P::P2 => &mut distortion.get_or_insert(straight).tangential[parameter as usize - P::P1 as usize],
+        P::Spherical => &mut aberrations.get_or_insert_default().spherical_px,
+        P::Coma => &mut aberrations.get_or_insert_default().coma_px,
+        P::Astigmatism => &mut aberrations.get_or_insert_default().astigmatism_px,
+        P::FieldCurvature => &mut aberrations.get_or_insert_default().field_curvature_px,
         P::Index => &mut medium.as_mut()?.index,
         P::Window => &mut medium.as_mut()?.window_z_mm,
         _ => return None,

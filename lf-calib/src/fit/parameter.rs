@@ -49,6 +49,10 @@ parameters! {
     K3 "k3",
     P1 "p1",
     P2 "p2",
+    Spherical "spherical_px",
+    Coma "coma_px",
+    Astigmatism "astigmatism_px",
+    FieldCurvature "field_curvature_px",
     Index "index",
     Window "window_z_mm",
 }
@@ -60,6 +64,7 @@ impl Parameter {
             name if name.ends_with("_per_mm") => "1/mm",
             name if name.ends_with("_mm") => "mm",
             name if name.ends_with("_rad") => "rad",
+            name if name.ends_with("_px") => "px",
             _ => "1",
         }
     }
@@ -84,6 +89,7 @@ impl Parameter {
             Self::K2 => 1e-4 / corner.powi(4),
             Self::K3 => 1e-4 / corner.powi(6),
             Self::P1 | Self::P2 => 1e-4 / corner,
+            Self::Spherical | Self::Coma | Self::Astigmatism | Self::FieldCurvature => 0.3,
             Self::Index => 1e-3,
             Self::Window => 1.0,
         }
@@ -99,7 +105,7 @@ mod tests {
         for (n, parameter) in Parameter::ALL.iter().enumerate() {
             assert_eq!(*parameter as usize, n);
         }
-        let units = [Parameter::Gap, Parameter::TiltX, Parameter::Magnification].map(Parameter::unit);
-        assert_eq!(units, ["mm", "rad", "1"]);
+        let units = [Parameter::Gap, Parameter::TiltX, Parameter::Coma, Parameter::Magnification].map(Parameter::unit);
+        assert_eq!(units, ["mm", "rad", "px", "1"]);
     }
 }

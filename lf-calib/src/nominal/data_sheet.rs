@@ -66,6 +66,7 @@ impl DataSheet {
                 gap_mm: None,
             },
             distortion: None,
+            aberrations: None,
             tilt: None,
             medium: None,
             centres: None,

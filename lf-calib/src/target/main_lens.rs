@@ -90,6 +90,10 @@ fn groups(nominal: &Camera) -> Vec<ParameterGroup> {
         one(&[P::K2], Some(P::K1)),
         one(&[P::K3], Some(P::K2)),
         one(&[P::P1, P::P2], None),
+        one(&[P::Spherical], None),
+        one(&[P::Coma], None),
+        one(&[P::Astigmatism], None),
+        one(&[P::FieldCurvature], None),
     ];
     if lens.telecentric.is_some() {
         groups.retain(|group| group.parameters != [P::FocalLength]);

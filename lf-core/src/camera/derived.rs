@@ -74,6 +74,12 @@ impl Camera {
         (1.0 / (1.0 - sine * sine).max(0.0).sqrt() - 1.0) * radius_px > ALIGNED_PX
     }
 
+    /// Whether a point's place on the array is not linear in the place in the stop: behind a medium, for the steep rays
+    /// of a telecentric lens, and with aberrations.
+    pub fn has_bent_rays(&self) -> bool {
+        self.medium.is_some() || self.has_steep_rays() || self.aberrations.is_some()
+    }
+
     /// Lenslet pitch in pixels.
     pub fn pitch_px(&self) -> f64 {
         self.microlenses.pitch_mm / self.sensor.pixel_pitch_mm
@@ -107,14 +113,15 @@ impl Camera {
         pixels_per_voxel.map(|ratio| ratio * self.sensor.pixel_pitch_mm / self.main_lens.magnification)
     }
 
-    /// The optional blocks and whether the camera has them. The first five bend rays or defocus the lenslets.
-    fn optional_blocks(&self) -> [(&'static str, bool); 10] {
+    /// The optional blocks and whether the camera has them. The first six bend rays or defocus the lenslets.
+    fn optional_blocks(&self) -> [(&'static str, bool); 11] {
         [
             ("medium", self.medium.is_some()),
             ("main_lens.telecentric", self.has_steep_rays()),
             ("tilt", self.tilt.is_some()),
             ("microlenses.gap_mm", self.microlenses.gap_mm.is_some()),
             ("distortion", self.distortion.is_some()),
+            ("aberrations", self.aberrations.is_some()),
             ("centres", self.centres.is_some()),
             ("vignetting", self.vignetting.is_some()),
             ("main_lens.pupil_distance_mm", self.main_lens.pupil_distance_mm.is_some()),
@@ -130,7 +137,7 @@ impl Camera {
 
     /// The first block that bends rays or puts the sensor out of the lenslets' focus; None for a camera of thin lenses.
     pub fn bends(&self) -> Option<&'static str> {
-        self.optional_blocks()[..5].iter().find_map(|(name, given)| given.then_some(*name))
+        self.optional_blocks()[..6].iter().find_map(|(name, given)| given.then_some(*name))
     }
 
     /// The camera without the lattice's rotation; None if [`Camera::misalignment`] gives a reason.

@@ -59,7 +59,7 @@ fn positive(key: &str, value: f64) -> Result<(), Refusal> {
     Refusal::unless(value.is_finite() && value > 0.0, || format!("{key} is {value}"), "wanted a positive number")
 }
 
-fn finite(key: &str, values: &[f64]) -> Result<(), Refusal> {
+pub(super) fn finite(key: &str, values: &[f64]) -> Result<(), Refusal> {
     let is_finite = |value: &f64| {
         Refusal::unless(value.is_finite(), || format!("{key} has the number {value}"), "wanted finite numbers")
     };
@@ -87,6 +87,7 @@ impl Camera {
             finite("distortion.radial", radial)?;
             finite("distortion.tangential", tangential)?;
         }
+        self.check_aberrations()?;
         if let Some(tilt) = &self.tilt {
             self.check_tilt(tilt)?;
         }

@@ -46,6 +46,7 @@
 //! # }
 //! ```
 
+mod aberrations;
 mod blur;
 mod depths;
 mod derived;
@@ -55,9 +56,12 @@ mod plausible;
 mod pose;
 
 pub use crate::lattice::{Layout, Microlenses};
+pub(crate) use aberrations::RayAberrations;
 pub use blur::Diffraction;
 pub use derived::ALIGNED_PX;
-pub use model::{Aperture, Blur, Camera, Distortion, MainLens, Medium, Sensor, SensorNoise, Telecentric, Tilt};
+pub use model::{
+    Aberrations, Aperture, Blur, Camera, Distortion, MainLens, Medium, Sensor, SensorNoise, Telecentric, Tilt,
+};
 pub use pose::Pose;
 
 #[cfg(test)]

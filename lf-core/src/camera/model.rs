@@ -23,6 +23,9 @@ pub struct Camera {
     /// Distortion by the main lens; none if absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub distortion: Option<Distortion>,
+    /// Aberrations of the main lens; none if absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub aberrations: Option<Aberrations>,
     /// Tilt of the sensor against the array; none if absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub tilt: Option<Tilt>,
@@ -121,6 +124,27 @@ pub struct Distortion {
     /// p1, p2, along the sensor's axes.
     #[serde(default)]
     pub tangential: [f64; 2],
+}
+
+/// Seidel's aberrations of the main lens but distortion: how far they move rays on the array, px of the sensor.
+/// Positive terms move rays away from the chief ray, as a point nearer to the camera does; positive coma moves them
+/// away from the axis. [`crate::optics`] has the equation.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Aberrations {
+    /// For rays through the rim of the stop, anywhere in the field.
+    #[serde(default)]
+    pub spherical_px: f64,
+    /// At the corner of the sensor, of rays through the rim on the diameter across the field's direction. Those on the
+    /// diameter along it move three times as far.
+    #[serde(default)]
+    pub coma_px: f64,
+    /// At the corner, of rays through the rim on the diameter along the field's direction, beyond the field curvature.
+    #[serde(default)]
+    pub astigmatism_px: f64,
+    /// At the corner, of rays through the rim on the diameter across the field's direction: that of the sagittal image.
+    #[serde(default)]
+    pub field_curvature_px: f64,
 }
 
 /// Tilt of the sensor against the array: the gap between them grows by tan(x_rad) along x and by tan(y_rad) along y,

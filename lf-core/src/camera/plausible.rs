@@ -148,7 +148,7 @@ impl Camera {
         }
     }
 
-    fn diagonal_px(&self) -> f64 {
+    pub(super) fn diagonal_px(&self) -> f64 {
         (self.sensor.width as f64).hypot(self.sensor.height as f64)
     }
 }

@@ -23,6 +23,7 @@ pub(crate) fn seed(lenslets: usize, aperture: Aperture, layout: Layout, rotation
             gap_mm: None,
         },
         distortion: None,
+        aberrations: None,
         tilt: None,
         medium: None,
         centres: None,

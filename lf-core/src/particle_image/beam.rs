@@ -47,7 +47,7 @@ fn terms(place: DVec2) -> [f64; TERMS] {
 
 impl Tracer {
     pub(super) fn new(camera: &Camera) -> Self {
-        Self { bend: (camera.medium.is_some() || camera.has_steep_rays()).then(least_squares) }
+        Self { bend: camera.has_bent_rays().then(least_squares) }
     }
 
     /// The rays of a particle at `place_mm`.

@@ -111,7 +111,7 @@ fn beyond(rays: &LatticeRays, voxel: DVec2, stop_mm: &[DVec2]) -> Vec<DVec2> {
 
 /// Number of blocks along an axis. Within a block the rays of every bundle spread in the same way.
 fn blocks(rays: &LatticeRays, camera: &Camera) -> usize {
-    if camera.medium.is_none() && camera.centres.is_none() {
+    if camera.medium.is_none() && camera.centres.is_none() && camera.aberrations.is_none() {
         return 1;
     }
     let most = APART_PX / camera.pitch_px();

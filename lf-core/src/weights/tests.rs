@@ -1,5 +1,5 @@
 use super::*;
-use crate::camera::{Aperture, Camera, Distortion, Medium, Telecentric, Tilt, tests::seed};
+use crate::camera::{Aberrations, Aperture, Camera, Distortion, Medium, Telecentric, Tilt, tests::seed};
 use crate::lattice::{Centres, Layout};
 use crate::{Grid, Optics};
 use glam::DVec2;
@@ -203,17 +203,19 @@ fn exact_weights_follow_every_block() {
     let grid = grid([1.0, 1.0, 90.0]);
     let medium = Medium { index: 1.333, window_z_mm: 60.0, window_thickness_mm: 20.0, window_index: 1.49 };
     let distortion = Distortion { radial: [40_000.0, 0.0, 0.0], tangential: [20.0, -10.0] };
+    let aberrations = Aberrations { spherical_px: 5.0, coma_px: 14.0, astigmatism_px: -14.0, field_curvature_px: 14.0 };
     let centres = Centres { radius_mm: 2.0, x_mm: vec![0.02, 0.01, 0.06, 0.0, 0.05], y_mm: vec![0.01; 5] };
     for (layout, rotation) in [(Layout::Square, 0.0), (Layout::Hexagonal, 0.003)] {
-        for name in
-            ["gap", "tilt", "distortion", "centres", "medium", "all", "pupil", "pupil and medium", "far", "microscope"]
-        {
+        let names =
+            ["gap", "tilt", "distortion", "aberrations", "centres", "medium", "all", "pupil", "far", "microscope"];
+        for name in names.into_iter().chain(["pupil and medium", "pupil and aberrations"]) {
             let is_pupil = |block: &str| ["pupil", "far", "microscope"].contains(&block);
             let has = |block| name.contains(block) || name == "all" && !is_pupil(block);
             let mut camera = seed(40, Aperture::Circle, layout, rotation);
             camera.microlenses.gap_mm = has("gap").then_some(0.316);
             camera.tilt = has("tilt").then_some(Tilt { x_rad: 0.01, y_rad: -0.02 });
             camera.distortion = has("distortion").then(|| distortion.clone());
+            camera.aberrations = has("aberrations").then_some(aberrations);
             camera.centres = has("centres").then(|| centres.clone());
             camera.medium = has("medium").then(|| medium.clone());
             camera.main_lens.pupil_distance_mm = has("pupil").then_some(60.0);

@@ -31,7 +31,10 @@ impl Setup {
             let mut scene = read(&text).map_err(|found| Error::new(&name, found, WANTED))?;
             let folder = source.scene.parent().unwrap_or(Path::new(""));
             let mut inputs = scene.join(folder);
-            let camera = scene.camera.open(folder, &name)?;
+            let mut camera = scene.camera.open(folder, &name)?;
+            if let Some(lens) = &scene.thick_lens {
+                camera = lens.camera(&camera).map_err(|refusal| refusal.about(&name))?;
+            }
             scene::check(&scene, &camera).map_err(|refusal| refusal.about(&name))?;
             session.explain(format!("camera: {}", camera.about()));
             inputs.push(source.scene.clone());
@@ -47,7 +50,8 @@ impl Setup {
 
     /// The camera with the scene's effects.
     pub fn instrument(&self) -> Instrument {
-        Instrument::new(&self.camera, self.scene.second_stop, self.scene.diffraction.as_ref())
+        let Scene { second_stop, diffraction, thick_lens, .. } = &self.scene;
+        Instrument::new(&self.camera, *second_stop, diffraction.as_ref()).with_lens(thick_lens.as_ref(), &self.camera)
     }
 
     /// Refuses work that takes more memory than allowed; see [`Session::allow_memory`].

@@ -2,20 +2,25 @@
 //!
 //! Each step is a loop over a few hundred rays in flight. A step that the scene does not ask for is not run.
 
+use super::aberrations::Aberrations;
 use super::diffraction::{Diffraction, Pattern};
 use super::samples::{Samples, Shape};
 use super::sources::{Glow, WhiteCells};
+use super::thick_lens::{LensRay, ThickLens, TracedLens, WIDER};
 use super::{second_stop::SecondStop, tally::Tally};
 use crate::{particles::Particle, random::stream};
 use glam::DVec2;
-use lf_core::{Camera, Optics};
+use lf_core::{Camera, Optics, frame::sensor_axes};
 
 /// A camera with the effects that bend or stop its rays.
 #[derive(Debug)]
 pub struct Instrument {
+    /// Without aberrations.
     optics: Optics,
+    aberrations: Option<Aberrations>,
     pub(super) aperture: Shape,
     second_stop: Option<SecondStop>,
+    thick_lens: Option<TracedLens>,
     blur: Option<Pattern>,
     /// Width and height of the sensor, px.
     pub(super) size: [usize; 2],
@@ -37,7 +42,7 @@ struct Flight {
     /// Place on the object, then on the array, then on the sensor.
     x: [f64; FLIGHT],
     y: [f64; FLIGHT],
-    /// Whether a second stop holds the ray back.
+    /// Whether a second stop or the lens holds the ray back.
     blocked: [bool; FLIGHT],
     /// Pixel, counted from the corner of the tally.
     column: [i32; FLIGHT],
@@ -59,14 +64,27 @@ impl Instrument {
         let blur = Pattern::new(diffraction, camera);
         let reach_mm = blur.as_ref().map_or(0.0, |pattern| pattern.reach_mm);
         Self {
-            optics: Optics::new(camera),
+            optics: Optics::new(&Camera { aberrations: None, ..camera.clone() }),
+            aberrations: Aberrations::new(camera),
             aperture: camera.main_lens.aperture.into(),
             second_stop,
+            thick_lens: None,
             blur,
             size: [camera.sensor.width, camera.sensor.height],
             pixel_pitch_mm: camera.sensor.pixel_pitch_mm,
             margin_px: camera.pitch_px() + reach_mm / camera.sensor.pixel_pitch_mm + 2.0,
         }
+    }
+
+    /// The instrument with a lens by its surfaces, whose camera [`ThickLens::camera`] made.
+    pub fn with_lens(self, lens: Option<&ThickLens>, camera: &Camera) -> Self {
+        Self { thick_lens: lens.map(|lens| TracedLens::new(lens, camera)), ..self }
+    }
+
+    /// Half width of the area of the stop from which rays are drawn, mm, and the light of a ray over its share of the
+    /// stop's.
+    fn drawn_mm(&self, half_pupil_mm: f64) -> (f64, f64) {
+        if self.thick_lens.is_some() { (WIDER * half_pupil_mm, WIDER * WIDER) } else { (half_pupil_mm, 1.0) }
     }
 
     /// Pixels of the sensor.
@@ -104,34 +122,55 @@ impl Instrument {
         let in_image = glow.shape.motion(&mut random);
         let start = self.blur.as_ref().map_or(0, |pattern| pattern.start(&mut random));
         let (centre, z_mm) = (particle.place_mm.truncate(), particle.place_mm.z);
-        let (half, size) = (self.optics.half_aperture_mm, glow.size_mm * particle.size);
+        let half_pupil = self.thick_lens.as_ref().map_or(self.optics.half_aperture_mm, |lens| lens.half_entrance_mm);
+        let ((half, light), size) = (self.drawn_mm(half_pupil), glow.size_mm * particle.size);
         let [low, high] = self.bounds_px(particle, size);
-        tally.clear(low, high, self.size, particle.intensity / rays as f64);
+        tally.clear(low, high, self.size, light * particle.intensity / rays as f64);
         let mut flight = Flight::START;
         for first in (0..rays).step_by(FLIGHT) {
             let n = FLIGHT.min(rays - first);
-            let Flight { u, v, x, y, .. } = &mut flight;
+            let Flight { u, v, x, y, blocked, .. } = &mut flight;
             in_aperture.apply(samples.first(first, n), half, &mut u[..n], &mut v[..n]);
             in_image.apply(samples.second(first, n), size, &mut x[..n], &mut y[..n]);
+            if let Some(lens) = &self.thick_lens {
+                for i in 0..n {
+                    let point = sensor_axes(centre + DVec2::new(x[i], y[i]));
+                    let ray = lens.from_object(point, z_mm, DVec2::new(u[i], v[i]), true);
+                    blocked[i] = ray.is_none();
+                    let LensRay { array_mm, aperture_mm } = ray.unwrap_or_default();
+                    [x[i], y[i], u[i], v[i]] = [array_mm.x, array_mm.y, aperture_mm.x, aperture_mm.y];
+                }
+                self.finish(&mut flight, n, start + first, tally);
+                continue;
+            }
             for i in 0..n {
-                let point = centre + DVec2::new(x[i], y[i]);
-                let hit = self.optics.array_from_object(point, z_mm, DVec2::new(u[i], v[i]));
+                let (point, aperture) = (centre + DVec2::new(x[i], y[i]), DVec2::new(u[i], v[i]));
+                let hit =
+                    self.optics.array_from_object(point, z_mm, aperture) + self.aberration_mm(point, z_mm, aperture);
                 (x[i], y[i]) = (hit.x, hit.y);
             }
             self.finish(&mut flight, n, start + first, tally);
         }
     }
 
+    /// The shift of a ray on the array by aberrations, mm.
+    #[inline(always)]
+    fn aberration_mm(&self, point_mm: DVec2, z_mm: f64, aperture_mm: DVec2) -> DVec2 {
+        let Some(aberrations) = &self.aberrations else { return DVec2::ZERO };
+        let distorted = self.optics.array_from_object(point_mm, z_mm, DVec2::ZERO);
+        aberrations.shift_mm(distorted - self.optics.distortion_mm(point_mm, z_mm), aperture_mm)
+    }
+
     /// Casts the rays through one row of white cells and counts them in `tally`.
     #[inline(always)]
     pub(super) fn cast_row(&self, samples: &Samples, cells: &WhiteCells, row: usize, seed: u64, tally: &mut Tally) {
-        let half = self.optics.half_aperture_mm;
+        let (half, light) = self.drawn_mm(self.optics.half_aperture_mm);
         let top_mm = cells.corner_mm.y + row as f64 * cells.cell_mm.y;
         let reach_px = self.row_reach_px();
         let edge_px = |y_mm: f64| self.optics.place_px(DVec2::new(0.0, y_mm)).y;
         let low = [0.0, edge_px(top_mm) - reach_px];
         let high = [self.size[0] as f64, edge_px(top_mm + cells.cell_mm.y) + reach_px];
-        tally.clear(low, high, self.size, cells.counts_per_cell / cells.rays_per_cell as f64);
+        tally.clear(low, high, self.size, light * cells.counts_per_cell / cells.rays_per_cell as f64);
         let mut flight = Flight::START;
         for column in 0..cells.columns {
             let mut random = stream(seed ^ WHITE, (row * cells.columns + column) as u64);
@@ -141,11 +180,16 @@ impl Instrument {
             let centre = cells.corner_mm + cells.cell_mm * DVec2::new(column as f64 + 0.5, row as f64 + 0.5);
             for first in (0..cells.rays_per_cell).step_by(FLIGHT) {
                 let n = FLIGHT.min(cells.rays_per_cell - first);
-                let Flight { u, v, x, y, .. } = &mut flight;
+                let Flight { u, v, x, y, blocked, .. } = &mut flight;
                 in_aperture.apply(samples.first(first, n), half, &mut u[..n], &mut v[..n]);
                 in_cell.apply(samples.second(first, n), 0.5, &mut x[..n], &mut y[..n]);
                 for i in 0..n {
                     (x[i], y[i]) = (centre.x + cells.cell_mm.x * x[i], centre.y + cells.cell_mm.y * y[i]);
+                }
+                if let Some(lens) = &self.thick_lens {
+                    for i in 0..n {
+                        blocked[i] = !lens.lets_through(DVec2::new(x[i], y[i]), DVec2::new(u[i], v[i]));
+                    }
                 }
                 self.finish(&mut flight, n, start + first, tally);
             }
@@ -173,7 +217,7 @@ impl Instrument {
             let place = (self.optics.place_px(DVec2::new(x[i], y[i])) - corner).floor();
             (column[i], row[i]) = (place.x as i32, place.y as i32);
         }
-        if self.second_stop.is_some() {
+        if self.second_stop.is_some() || self.thick_lens.is_some() {
             for i in 0..n {
                 if blocked[i] {
                     column[i] = i32::MIN;
@@ -187,11 +231,22 @@ impl Instrument {
     fn bounds_px(&self, particle: &Particle, size_mm: f64) -> [[f64; 2]; 2] {
         const RIM: usize = 12;
         // The circle of 1.5 half sides lies outside the corners of a square stop.
-        let radius = self.optics.half_aperture_mm * if self.aperture == Shape::Disc { 1.0 } else { 1.5 };
+        let radius = if self.aperture == Shape::Disc { 1.0 } else { 1.5 };
         let (mut low, mut high) = (DVec2::INFINITY, DVec2::NEG_INFINITY);
+        let (point, z_mm) = (particle.place_mm.truncate(), particle.place_mm.z);
         for n in 0..RIM {
-            let rim = radius * DVec2::from_angle(std::f64::consts::TAU * n as f64 / RIM as f64);
-            let hit = self.optics.array_from_object(particle.place_mm.truncate(), particle.place_mm.z, rim);
+            let way = radius * DVec2::from_angle(std::f64::consts::TAU * n as f64 / RIM as f64);
+            let (hit, rim) = match &self.thick_lens {
+                None => {
+                    let rim = self.optics.half_aperture_mm * way;
+                    (self.optics.array_from_object(point, z_mm, rim) + self.aberration_mm(point, z_mm, rim), rim)
+                }
+                Some(lens) => {
+                    let ray = lens.from_object(sensor_axes(point), z_mm, lens.half_entrance_mm * way, false);
+                    let Some(LensRay { array_mm, aperture_mm }) = ray else { continue };
+                    (array_mm, aperture_mm)
+                }
+            };
             let place = self.optics.place_px(self.optics.sensor_from_array(hit, rim));
             (low, high) = (low.min(place), high.max(place));
         }

@@ -2,6 +2,7 @@
 //! Out: the light on the sensor, counts for each pixel.
 //! Open `render.rs` first.
 
+mod aberrations;
 mod diffraction;
 mod instrument;
 mod render;
@@ -9,6 +10,7 @@ mod samples;
 mod second_stop;
 mod sources;
 mod tally;
+mod thick_lens;
 
 pub use diffraction::Diffraction;
 pub use instrument::Instrument;
@@ -16,3 +18,4 @@ pub use render::{NOISE_SAMPLE, Rendered, frame, frame_bytes, measure_noise, whit
 pub use samples::Shape;
 pub use second_stop::SecondStop;
 pub use sources::{Glow, RayCount, WhiteCells};
+pub use thick_lens::{Surface, ThickLens};

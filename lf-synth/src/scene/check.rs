@@ -26,6 +26,17 @@ pub fn check(scene: &Scene, camera: &Camera) -> Result<(), Refusal> {
         }
     }
     scene.second_stop.as_ref().map_or(Ok(()), |stop| stop.check(camera))?;
+    if let Some(lens) = &scene.thick_lens {
+        lens.check(camera)?;
+        let front_mm = lens.front_mm(camera);
+        let depths = scene.dots.iter().flat_map(|dots| dots.depths_mm.iter().copied()).chain([nearest_mm]);
+        if let Some(depth) = depths.reduce(f64::max).filter(|depth| *depth >= front_mm) {
+            return Err(wrong(format!("depth {depth} mm is within the thick_lens, which begins at {front_mm:.1} mm")));
+        }
+        if scene.second_stop.is_some() {
+            return Err(wrong("thick_lens cuts its beam by its own surfaces; second_stop does not go with it"));
+        }
+    }
     if let Some(light) = &scene.light {
         positive("light.thickness_mm", light.thickness_mm)?;
         finite("light.centre_mm", light.centre_mm)?;

@@ -1,7 +1,7 @@
 //! The keys of a `scene.json`. An effect without a key is not modelled and costs no time.
 
 use super::dots::Dots;
-use crate::rays::{Diffraction, Glow, RayCount, SecondStop, Shape};
+use crate::rays::{Diffraction, Glow, RayCount, SecondStop, Shape, ThickLens};
 use crate::{particles::Sheet, sensor::SensorNoise};
 use lf_core::scene::{CameraSource, Frames, LitVolume};
 use lf_core::{Camera, Grid, Refusal, flow::Flows, frame::Frame};
@@ -26,6 +26,9 @@ pub struct Scene {
     /// A second stop on the axis, which cuts the beam off the axis (cat's-eye vignetting).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub second_stop: Option<SecondStop>,
+    /// The main lens by its surfaces, in place of the camera's. The written camera describes it as a data sheet would.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub thick_lens: Option<ThickLens>,
     /// The volume in which particles are lit.
     pub volume: LitVolume,
     /// The particles.

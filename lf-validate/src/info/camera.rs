@@ -2,7 +2,7 @@
 
 use super::description::Description;
 use super::numbers::{figures, product, whole};
-use lf_core::camera::{Aperture, Layout};
+use lf_core::camera::{Aberrations, Aperture, Layout};
 use lf_core::{Camera, frame, lattice::MOST_DEGREE};
 use serde_json::Value;
 
@@ -124,6 +124,16 @@ fn blocks(about: &mut Description, camera: &Camera) {
         let (radial, tangential) = (list(&distortion.radial), list(&distortion.tangential));
         about.line("distortion", format!("radial {radial}; tangential {tangential}"));
     }
+    if let Some(Aberrations { spherical_px, coma_px, astigmatism_px, field_curvature_px }) = camera.aberrations {
+        let terms = [
+            ("spherical", spherical_px),
+            ("coma", coma_px),
+            ("astigmatism", astigmatism_px),
+            ("field curvature", field_curvature_px),
+        ];
+        let terms = terms.map(|(name, px)| format!("{name} {}", figures(px))).join(", ");
+        about.line("aberrations", format!("{terms}: px at the rim of the stop and the sensor's corner"));
+    }
     if let Some(centres) = &camera.centres {
         let terms = centres.x_mm.len();
         let degree = (1..=MOST_DEGREE).find(|degree| lf_core::lattice::terms(*degree) == terms);
@@ -134,7 +144,10 @@ fn blocks(about: &mut Description, camera: &Camera) {
         about.line("flat field", flat.display().to_string());
     }
     if camera.blocks().is_empty() {
-        about.line("beyond a thin lens", "nothing: no medium, tilt, gap, distortion, departures or flat field");
+        about.line(
+            "beyond a thin lens",
+            "nothing: no medium, tilt, gap, distortion, aberrations, departures or flat field",
+        );
     }
 }
 
@@ -165,13 +178,16 @@ mod tests {
     #[test]
     fn every_block_has_its_line() {
         let blocks = r#","medium": {"index": 1.333, "window_z_mm": 100}, "tilt": {"x_rad": 0.001, "y_rad": 0},
-            "distortion": {"radial": [0.5, 0, 0]}, "centres": {"radius_mm": 1, "x_mm": [0, 0, 0, 0, 0], "y_mm": [0, 0, 0, 0, 0]},
+            "distortion": {"radial": [0.5, 0, 0]}, "aberrations": {"coma_px": 0.4}, "centres": {"radius_mm": 1, "x_mm": [0, 0, 0, 0, 0], "y_mm": [0, 0, 0, 0, 0]},
             "vignetting": "flat.exr", "calibration": {"lattice": {}, "history": []}}"#;
         let text = SEED.trim().strip_suffix('}').unwrap().replace("0.308,", "0.308, \"gap_mm\": 0.31,") + blocks;
         let camera = Camera::from_json(&text).unwrap();
-        assert_eq!(camera.blocks().len(), 6);
+        assert_eq!(camera.blocks().len(), 7);
         let text = self::camera(&camera).to_string();
-        assert_shows(&text, &["index 1.333, its", "1 mrad along x", "0.31 mm", "radial 0.5, 0, 0"]);
+        assert_shows(
+            &text,
+            &["index 1.333, its", "1 mrad along x", "0.31 mm", "radial 0.5, 0, 0", "coma 0.4, astigmatism 0"],
+        );
         assert_shows(&text, &["degree 2", "flat.exr", "lattice\n"]);
     }
 }

@@ -136,9 +136,15 @@ impl Bent {
         let (object, distortion) = (DVec2::new(x, y), optics.distortion_mm(DVec2::new(x, y), z_mm));
         let object = sensor_axes(object);
         let Slice { rays, shares } = self.slice(voxel[2]);
+        let aberrations =
+            optics.aberrations().map(|aberrations| (aberrations, rays.through(object, DVec2::ZERO).array));
         for section in &self.sections {
             // Trace the section's rays to the array.
-            let hit = rays.through(object, section.middle);
+            let mut hit = rays.through(object, section.middle);
+            if let Some((aberrations, chief)) = &aberrations {
+                hit.array += aberrations.shift_mm(*chief, section.middle);
+                hit.alpha += aberrations.slope(*chief, section.middle);
+            }
             let alpha = hit.alpha.as_vec2();
             let beam = SectionBeam { array: hit.array + distortion, alpha, per_alpha: alpha.recip() };
             // Share its light out over the lenslets nearby, and from there over the pixels.

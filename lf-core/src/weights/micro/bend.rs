@@ -1,10 +1,10 @@
-//! Rays that a medium or a telecentric lens bends: how the place on the array departs from a straight line in the place
-//! in the stop.
+//! Rays that a medium, a telecentric lens or its aberrations bend: how the place on the array departs from a straight
+//! line in the place in the stop.
 //!
 //! A voxel's ray through U meets the array at `chief + alpha U + q(U)`. Over the stop q is a polynomial to the third
 //! power. It changes slowly over the field, so it is fitted to exact rays at a net of places.
 
-use crate::{linear, weights::geometry::Geometry};
+use crate::{Optics, linear, weights::geometry::Geometry};
 use glam::{DMat2, DVec2};
 
 /// Terms of a cubic polynomial in x and y without a constant: x, y, x^2, xy, y^2, x^3, x^2 y, xy^2, y^3.
@@ -14,6 +14,8 @@ pub(super) const TERMS: usize = 9;
 const RAYS: usize = 9;
 /// Distance between the nodes of the net, mm of the array; and the range of their number along an axis.
 const APART_MM: f64 = 1.5;
+/// Largest change of a bend by aberrations between a node and its neighbour, px.
+const APART_PX: f64 = 0.2;
 const NODES: [usize; 2] = [3, 40];
 /// Polynomials are fitted up to this many half apertures, so that they hold for lenslets beside the beam.
 const BEYOND: f64 = 1.2;
@@ -57,6 +59,14 @@ pub(super) struct Bend {
     pub(super) reach: f64,
     /// Range of the width of a patch over that of straight rays.
     pub(super) widths: [f64; 2],
+    /// Largest ratio of two widths from one point, if the camera has aberrations.
+    pub(super) unlike: f64,
+}
+
+/// Distance on the array within which aberrations bend the rays of all points alike, mm; infinite without.
+pub(super) fn alike_mm(optics: &Optics) -> f64 {
+    let by_field = optics.aberrations().map_or(0.0, |aberrations| aberrations.by_field());
+    APART_PX * optics.pixel_pitch_mm / by_field
 }
 
 fn powers(place: DVec2) -> [f64; TERMS] {
@@ -116,14 +126,15 @@ impl Bend {
             let ends = [0, grid.shape[axis] - 1].map(|voxel| grid.centre_mm(axis, voxel));
             (0.5 * (ends[0] + ends[1]), 0.5 * (ends[1] - ends[0]))
         });
-        let counts = ends.map(|(_, half)| ((2.0 * half * beta / APART_MM) as usize + 1).clamp(NODES[0], NODES[1]));
+        let apart_mm = APART_MM.min(alike_mm(optics));
+        let counts = ends.map(|(_, half)| ((2.0 * half * beta / apart_mm) as usize + 1).clamp(NODES[0], NODES[1]));
         let axial = optics.array_from_object(DVec2::ZERO, z_mm, DVec2::new(0.5 * optics.half_aperture_mm, 0.0));
         let alpha = axial.x / (0.5 * optics.half_aperture_mm);
         let middle = |n: usize, axis: usize| {
             let (middle, half) = ends[axis];
             middle + half * ((2 * n + 1) as f64 / counts[axis] as f64 - 1.0)
         };
-        let mut this = Self { counts, alpha, widths: [f64::INFINITY, 0.0], ..Self::default() };
+        let mut this = Self { counts, alpha, widths: [f64::INFINITY, 0.0], unlike: 1.0, ..Self::default() };
         for n in 0..counts[0] * counts[1] {
             let place = DVec2::new(middle(n % counts[0], 0), middle(n / counts[0], 1));
             this.add(geometry, place, z_mm, &apertures);
@@ -168,8 +179,10 @@ impl Bend {
         let bends = bends.iter().zip(apertures).filter(|(_, aperture)| within(aperture));
         self.greatest = bends.fold(self.greatest, |most, (bend, _)| most.max(DVec2::from(*bend).length()));
         self.reach = self.reach.max(farthest / BEYOND);
-        for [value] in &widths {
-            self.widths = [self.widths[0].min(*value), self.widths[1].max(*value)];
+        let range = widths.iter().fold([f64::INFINITY, 0.0], |[a, b], [width]| [width.min(a), width.max(b)]);
+        self.widths = [self.widths[0].min(range[0]), self.widths[1].max(range[1])];
+        if optics.aberrations().is_some() {
+            self.unlike = self.unlike.max(range[1] / range[0]);
         }
         self.nodes.push(Node { departure, inverse, width });
     }

@@ -1,7 +1,7 @@
 //! Projection and back-projection of voxels by exact weights.
 
 use super::array::LensletArray;
-use super::bend::Bend;
+use super::bend::{Bend, alike_mm};
 use super::images::{self, MicroImages, MicroLayout};
 use super::kernel::{Count, Gather, RunningSums, Spread};
 use super::patches::Patches;
@@ -22,6 +22,9 @@ use std::{
 /// `MIN_ROWS`.
 const BANDS: usize = 16;
 const MIN_ROWS: usize = 4;
+/// Voxels of a block of a line, where rays are not straight.
+const MIN_BLOCK: usize = 8;
+const MAX_BLOCK: usize = 96;
 /// Voxels of a parallel task of the back-projection.
 const RUN: usize = 4096;
 /// Lines whose weights are counted to estimate those of all.
@@ -107,7 +110,9 @@ impl Micro {
         let is_straight = !geometry.optics.bends_rays()
             && array.along.y.abs() < 1e-6 * array.along.x
             && geometry.optics.distortion_mm(DVec2::ONE, 0.0) == DVec2::ZERO;
-        let block = if is_straight { 4096 } else { 96 };
+        let voxel_mm = geometry.optics.beta(0.0) * geometry.grid.spacing_mm[0];
+        let alike = (alike_mm(&geometry.optics) / voxel_mm) as usize;
+        let block = if is_straight { 4096 } else { alike.clamp(MIN_BLOCK, MAX_BLOCK) };
         let one_by_one = match geometry.optics.bends_rays() || array.is_tilted() {
             true => OneByOne::Bent(Bent::new(geometry.clone())),
             false => OneByOne::Lenslets(Lenslets::new(geometry.clone())),

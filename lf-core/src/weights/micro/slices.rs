@@ -17,6 +17,8 @@ const WIDE: f64 = 2.0;
 /// distorted. But a pixel must show a small part of a cell, so patches need at least `MIN_WIDE_PX`: of square cells,
 /// and of others.
 const BENT: f64 = 0.2;
+/// Nor have those whose widths, from one point, differ by more than this factor through aberrations.
+const UNLIKE: f64 = 1.25;
 const MIN_WIDE_PX: [f64; 2] = [1.6, 2.6];
 /// Moments matter for patches narrower than this part of the stop's image; for others they change less than half a per
 /// cent of the light.
@@ -93,7 +95,8 @@ impl<'a> Outline<'a> {
         let side_px = wide_mm * (usual / alpha).abs();
         let stop_px = 2.0 * half * usual.abs();
         let least_px = MIN_WIDE_PX[usize::from(geometry.slabs.len() > 1)];
-        let is_bent = side_px > least_px && bend.is_some_and(|bend| bend.greatest > BENT * (bend.alpha * half).abs());
+        let is_distorted = |bend: &Bend| bend.greatest > BENT * (bend.alpha * half).abs() || bend.unlike > UNLIKE;
+        let is_bent = side_px > least_px && bend.is_some_and(is_distorted);
         let shift = (0..2).map(|n| (per_mm[n] / slope[n] - 1.0).abs()).fold(0.0, f64::max);
         let is_shifted = corner * (usual / alpha).abs() * shift > SHIFT_PX;
         Self {

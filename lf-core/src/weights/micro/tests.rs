@@ -5,7 +5,7 @@ use super::narrow::Narrow;
 use super::walk::SliceBeam;
 use super::wanted::Wanted;
 use super::{Micro, images};
-use crate::camera::{Aperture, Camera, Distortion, Medium, Telecentric, Tilt, tests::seed};
+use crate::camera::{Aberrations, Aperture, Camera, Distortion, Medium, Telecentric, Tilt, tests::seed};
 use crate::lattice::{Centres, Layout};
 use crate::weights::{Basis, Model, RowSet, geometry::Geometry};
 use crate::{Grid, Optics};
@@ -16,6 +16,8 @@ use rayon::prelude::*;
 const STEP: u32 = 14;
 const STOPS: [Aperture; 2] = [Aperture::Circle, Aperture::Square];
 const TANK: Medium = Medium { index: 1.333, window_z_mm: 60.0, window_thickness_mm: 20.0, window_index: 1.49 };
+const ALL_TERMS: Aberrations =
+    Aberrations { spherical_px: 1.0, coma_px: 2.0, astigmatism_px: 4.0, field_curvature_px: -4.0 };
 
 fn grid() -> Grid {
     let shape = [41, 41, 21];
@@ -24,8 +26,12 @@ fn grid() -> Grid {
     Grid { shape, spacing_mm, origin_mm }
 }
 
+fn micro_of(camera: &Camera, grid: &Grid, basis: Basis) -> Micro {
+    Micro::new(Geometry::new(camera, grid, Model::Exact, basis, 14))
+}
+
 fn micro(camera: &Camera, basis: Basis) -> Micro {
-    Micro::new(Geometry::new(camera, &grid(), Model::Exact, basis, 14))
+    micro_of(camera, &grid(), basis)
 }
 
 fn index([x, y, z]: [usize; 3]) -> u64 {
@@ -58,8 +64,8 @@ fn back_project(micro: &Micro, voxels: &[u64], image: &[f32]) -> Vec<f32> {
 }
 
 /// The image of one voxel by rays that are spread evenly over the stop and the voxel.
-fn rays(camera: &Camera, basis: Basis, voxel: [usize; 3], count: usize) -> Vec<f32> {
-    let (optics, grid) = (Optics::new(camera), grid());
+fn rays(camera: &Camera, grid: &Grid, basis: Basis, voxel: [usize; 3], count: usize) -> Vec<f32> {
+    let optics = Optics::new(camera);
     let [width, height] = optics.sensor_px;
     let centre = DVec2::new(grid.centre_mm(0, voxel[0]), grid.centre_mm(1, voxel[1]));
     // A point needs two numbers a ray, all else four. See Roberts' sequences of low discrepancy.
@@ -95,13 +101,13 @@ fn distance(a: &[f32], b: &[f32]) -> f64 {
 }
 
 /// The distance of a camera's weights from rays, at voxels from one end of the depth to the other.
-fn distances(camera: &Camera, basis: Basis) -> Vec<f64> {
-    let micro = micro(camera, basis);
+fn distances(camera: &Camera, grid: &Grid, basis: Basis) -> Vec<f64> {
+    let micro = micro_of(camera, grid, basis);
     let count = 1_000_000;
     let slices: Vec<usize> = vec![0, 3, 6, 8, 9, 10, 11, 13, 17, 20];
     let of_slice = |z: usize| {
         let voxel = [7 + z, 33 - z, z];
-        distance(&project(&micro, &[index(voxel)], &[1.0]), &rays(camera, basis, voxel, count))
+        distance(&project(&micro, &[index(voxel)], &[1.0]), &rays(camera, grid, basis, voxel, count))
     };
     slices.into_par_iter().map(of_slice).collect()
 }
@@ -139,6 +145,7 @@ fn blocks(stop: Aperture, layout: Layout) -> Vec<(&'static str, Camera)> {
         ("gap", with(plain(), |camera| camera.microlenses.gap_mm = Some(0.316))),
         ("tilt", with(plain(), |camera| camera.tilt = Some(Tilt { x_rad: 0.002, y_rad: -0.001 }))),
         ("water", with(plain(), |camera| camera.medium = Some(TANK))),
+        ("aberrated", with(plain(), |camera| camera.aberrations = Some(ALL_TERMS))),
         (
             "all",
             with(plain(), |camera| {
@@ -166,7 +173,7 @@ fn most(name: &str, basis: Basis) -> f64 {
     of_rays
         + match name {
             "distorted" | "gap" | "tilt" | "turned far" => 0.02,
-            "water" | "microscope" => 0.055,
+            "water" | "microscope" | "aberrated" => 0.055,
             "all" => 0.10,
             _ => 0.013,
         }
@@ -177,7 +184,7 @@ fn the_engine_is_near_rays_with_every_block() {
     for layout in [Layout::Square, Layout::Hexagonal] {
         for stop in STOPS {
             for (name, camera) in blocks(stop, layout) {
-                let off = distances(&camera, Basis::Point);
+                let off = distances(&camera, &grid(), Basis::Point);
                 let (worst, mean) =
                     (off.iter().fold(0f64, |a, b| a.max(*b)), off.iter().sum::<f64>() / off.len() as f64);
                 println!("{layout:?} {stop:?} {name}: worst {worst:.4}, mean {mean:.4}");
@@ -187,12 +194,44 @@ fn the_engine_is_near_rays_with_every_block() {
     }
 }
 
+/// Aberrations that move rays by about a pixel half way to the corner: each alone, and all.
+#[test]
+fn the_engine_is_near_aberrated_rays() {
+    let aside = Grid { origin_mm: [0.9, -0.8, -5.0], ..grid() };
+    for (name, camera, most) in aberrated() {
+        let off = distances(&camera, &aside, Basis::Point);
+        let worst = off.iter().fold(0f64, |a, b| a.max(*b));
+        println!("{name}: worst {worst:.4}, {off:.4?}");
+        assert!(worst < most, "{name}: {off:.4?}");
+    }
+}
+
+fn aberrated() -> Vec<(String, Camera, f64)> {
+    let none = Aberrations::default();
+    let terms = [
+        ("spherical", Aberrations { spherical_px: 1.0, ..none }, 0.035),
+        ("coma", Aberrations { coma_px: 2.0, ..none }, 0.05),
+        ("astigmatism", Aberrations { astigmatism_px: 4.0, ..none }, 0.035),
+        ("field curvature", Aberrations { field_curvature_px: 4.0, ..none }, 0.035),
+        ("all", ALL_TERMS, 0.035),
+    ];
+    let mut cameras = Vec::new();
+    for (layout, stop) in [Layout::Square, Layout::Hexagonal].into_iter().flat_map(|layout| STOPS.map(|s| (layout, s)))
+    {
+        for (name, term, most) in terms {
+            let camera = with(seed(60, stop, layout, 0.003), |camera| camera.aberrations = Some(term));
+            cameras.push((format!("{layout:?} {stop:?} {name}"), camera, most));
+        }
+    }
+    cameras
+}
+
 #[test]
 fn boxes_and_blobs_are_near_rays() {
     for layout in [Layout::Square, Layout::Hexagonal] {
         for stop in STOPS {
             for basis in [Basis::Box, Basis::Blob { sigma_px: 0.7 }] {
-                let off = distances(&seed(40, stop, layout, 0.003), basis);
+                let off = distances(&seed(40, stop, layout, 0.003), &grid(), basis);
                 let worst = off.iter().fold(0f64, |a, b| a.max(*b));
                 println!("{layout:?} {stop:?} {basis:?}: worst {worst:.4}");
                 assert!(worst < most("turned", basis), "{layout:?} {stop:?} {basis:?}: {off:.4?}");

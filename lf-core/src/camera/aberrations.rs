@@ -1,0 +1,162 @@
+//! Aberrations of the main lens: what is refused, and the shift of a ray.
+
+use super::file::finite;
+use super::model::{Aberrations, Camera};
+use crate::Refusal;
+use glam::DVec2;
+
+/// The aberrations of a camera in mm, with the lengths that its rays are measured by.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct RayAberrations {
+    spherical_mm: f64,
+    coma_mm: f64,
+    astigmatism_mm: f64,
+    field_curvature_mm: f64,
+    /// 1 over the half width of the stop, and 1 over half the sensor's diagonal.
+    per_half: f64,
+    per_corner: f64,
+}
+
+impl RayAberrations {
+    pub(crate) fn new(camera: &Camera) -> Option<Self> {
+        let Aberrations { spherical_px, coma_px, astigmatism_px, field_curvature_px } = camera.aberrations?;
+        let pixel_mm = camera.sensor.pixel_pitch_mm;
+        Some(Self {
+            spherical_mm: spherical_px * pixel_mm,
+            coma_mm: coma_px * pixel_mm,
+            astigmatism_mm: astigmatism_px * pixel_mm,
+            field_curvature_mm: field_curvature_px * pixel_mm,
+            per_half: 2.0 / camera.aperture_mm(),
+            per_corner: 2.0 / (pixel_mm * camera.diagonal_px()),
+        })
+    }
+
+    /// How far the ray through a place of the stop moves on the array, mm. The point's chief ray meets the array at
+    /// `chief_mm`.
+    #[inline(always)]
+    pub(crate) fn shift_mm(&self, chief_mm: DVec2, aperture_mm: DVec2) -> DVec2 {
+        let (u, h) = (self.per_half * aperture_mm, self.per_corner * chief_mm);
+        let (r2, along) = (u.length_squared(), u.dot(h));
+        let by_stop =
+            self.spherical_mm * r2 + 2.0 * self.coma_mm * along + self.field_curvature_mm * h.length_squared();
+        u * by_stop + h * (self.coma_mm * r2 + self.astigmatism_mm * along)
+    }
+
+    /// Change of the shift along x with the place in the stop along x, and the same along y.
+    #[inline(always)]
+    pub(crate) fn slope(&self, chief_mm: DVec2, aperture_mm: DVec2) -> DVec2 {
+        let (u, h) = (self.per_half * aperture_mm, self.per_corner * chief_mm);
+        let both = self.spherical_mm * u.length_squared()
+            + 2.0 * self.coma_mm * u.dot(h)
+            + self.field_curvature_mm * h.length_squared();
+        let each = 2.0 * self.spherical_mm * u * u + 4.0 * self.coma_mm * u * h + self.astigmatism_mm * h * h;
+        self.per_half * (both + each)
+    }
+
+    /// Laplacian of the shift over the stop, 1/mm. Since shifts are a gradient, it is that of their divergence too.
+    pub(crate) fn laplacian(&self, chief_mm: DVec2, aperture_mm: DVec2) -> DVec2 {
+        let (u, h) = (self.per_half * aperture_mm, self.per_corner * chief_mm);
+        8.0 * self.per_half * self.per_half * (self.spherical_mm * u + self.coma_mm * h)
+    }
+
+    /// Upper bound of the change of a shift, mm, by a mm of the field: at the corner, through the rim.
+    pub(crate) fn by_field(&self) -> f64 {
+        let second = self.astigmatism_mm.abs() + self.field_curvature_mm.abs();
+        self.per_corner * (3.0 * self.coma_mm.abs() + 2.0 * second)
+    }
+}
+
+impl Camera {
+    /// Refuses aberrations that are not finite, and a term that moves rays by more than a lenslet.
+    pub(super) fn check_aberrations(&self) -> Result<(), Refusal> {
+        let Some(Aberrations { spherical_px, coma_px, astigmatism_px, field_curvature_px }) = self.aberrations else {
+            return Ok(());
+        };
+        let most_px = self.pitch_px();
+        let check = |(key, px): (&str, f64)| {
+            let key = format!("aberrations.{key}");
+            finite(&key, &[px])?;
+            let wanted = format!("wanted at most a lenslet of {most_px:.2} px");
+            Refusal::unless(px.abs() <= most_px, || format!("{key} is {px}"), wanted)
+        };
+        let terms = [
+            ("spherical_px", spherical_px),
+            ("coma_px", coma_px),
+            ("astigmatism_px", astigmatism_px),
+            ("field_curvature_px", field_curvature_px),
+        ];
+        terms.into_iter().try_for_each(check)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Optics;
+    use crate::camera::{Aperture, Layout, tests::seed};
+
+    /// A camera with some aberrations, whose corner is 3-4-5 px from the axis.
+    fn camera(aberrations: Aberrations) -> Camera {
+        let mut camera = seed(20, Aperture::Circle, Layout::Square, 0.0);
+        (camera.sensor.width, camera.sensor.height) = (400, 300);
+        camera.aberrations = Some(aberrations);
+        camera
+    }
+
+    /// One ray of each term by hand. The chief ray goes to the right, half way to the corner: h = (0.5, 0). The ray
+    /// passes the stop of half width 50 mm at u = (0.6, 0.8), so r = 1 and u h = 0.3.
+    #[test]
+    fn a_ray_of_each_term_by_hand() {
+        let none = Aberrations::default();
+        let cases = [
+            (Aberrations { spherical_px: 1.0, ..none }, [0.6, 0.8]),
+            // 2 (0.6, 0.8) 0.3 + (0.5, 0) 1.
+            (Aberrations { coma_px: 1.0, ..none }, [0.36 + 0.5, 0.48]),
+            // (0.5, 0) 0.3.
+            (Aberrations { astigmatism_px: 1.0, ..none }, [0.15, 0.0]),
+            // (0.6, 0.8) 0.25.
+            (Aberrations { field_curvature_px: 1.0, ..none }, [0.15, 0.2]),
+        ];
+        let (object, aperture) = (DVec2::new(125.0 * 0.0055, 0.0), DVec2::new(30.0, 40.0));
+        let straight = Optics::new(&camera(none));
+        for (aberrations, wanted_px) in cases {
+            let optics = Optics::new(&camera(aberrations));
+            let shift = |object, aperture| {
+                let hit = |optics: &Optics| optics.array_from_object(object, 0.0, aperture);
+                (hit(&optics) - hit(&straight)) / 0.0055
+            };
+            let found = shift(object, aperture);
+            assert!(found.distance(wanted_px.into()) < 1e-9, "{aberrations:?}: {found}");
+            assert!(shift(object, DVec2::ZERO).length() < 1e-9, "{aberrations:?}: the chief ray stays");
+        }
+    }
+
+    #[test]
+    fn the_slope_is_that_of_the_shift() {
+        let camera =
+            camera(Aberrations { spherical_px: 1.0, coma_px: -0.7, astigmatism_px: 0.5, field_curvature_px: 2.0 });
+        let rays = RayAberrations::new(&camera).unwrap();
+        let (chief, aperture) = (DVec2::new(0.4, -0.7), DVec2::new(21.0, 13.0));
+        let by = |step: DVec2| (rays.shift_mm(chief, aperture + step) - rays.shift_mm(chief, aperture - step)) / 2e-3;
+        let by_hand = DVec2::new(by(DVec2::X * 1e-3).x, by(DVec2::Y * 1e-3).y);
+        assert!(rays.slope(chief, aperture).distance(by_hand) < 1e-9);
+        let bent = |way: DVec2| {
+            let shift = |step: DVec2| rays.shift_mm(chief, aperture + step);
+            shift(way) + shift(-way) - 2.0 * shift(DVec2::ZERO)
+        };
+        assert!(rays.laplacian(chief, aperture).distance(bent(DVec2::X) + bent(DVec2::Y)) < 1e-9);
+    }
+
+    #[test]
+    fn terms_come_back_and_are_checked() {
+        let one = Aberrations { coma_px: 0.25, ..Aberrations::default() };
+        let camera = camera(one);
+        assert_eq!(Camera::from_json(&camera.to_json()).unwrap(), camera);
+        assert_eq!((camera.bends(), camera.has_bent_rays()), (Some("aberrations"), true));
+        for (px, found) in [(f64::NAN, "aberrations.coma_px has the number NaN"), (-15.0, "aberrations.coma_px is -15")]
+        {
+            let wrong = Camera { aberrations: Some(Aberrations { coma_px: px, ..one }), ..camera.clone() };
+            assert_eq!(wrong.check().unwrap_err().found, found);
+        }
+    }
+}
