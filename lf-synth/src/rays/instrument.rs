@@ -135,7 +135,7 @@ impl Instrument {
             if let Some(lens) = &self.thick_lens {
                 for i in 0..n {
                     let point = sensor_axes(centre + DVec2::new(x[i], y[i]));
-                    let ray = lens.from_object(point, z_mm, DVec2::new(u[i], v[i]), true);
+                    let ray = lens.ray_from_object(point, z_mm, DVec2::new(u[i], v[i]), true);
                     blocked[i] = ray.is_none();
                     let LensRay { array_mm, aperture_mm } = ray.unwrap_or_default();
                     [x[i], y[i], u[i], v[i]] = [array_mm.x, array_mm.y, aperture_mm.x, aperture_mm.y];
@@ -242,7 +242,7 @@ impl Instrument {
                     (self.optics.array_from_object(point, z_mm, rim) + self.aberration_mm(point, z_mm, rim), rim)
                 }
                 Some(lens) => {
-                    let ray = lens.from_object(sensor_axes(point), z_mm, lens.half_entrance_mm * way, false);
+                    let ray = lens.ray_from_object(sensor_axes(point), z_mm, lens.half_entrance_mm * way, false);
                     let Some(LensRay { array_mm, aperture_mm }) = ray else { continue };
                     (array_mm, aperture_mm)
                 }

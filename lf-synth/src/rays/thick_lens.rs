@@ -235,7 +235,7 @@ impl TracedLens {
 
     /// The ray of a point, along the sensor's axes and at a depth, through a place of the paraxial entrance pupil. None
     /// if it misses a surface. Stops and the rims of surfaces hold it back only if `is_cut`.
-    pub(super) fn from_object(&self, point_mm: DVec2, z_mm: f64, pupil_mm: DVec2, is_cut: bool) -> Option<LensRay> {
+    pub(super) fn ray_from_object(&self, point_mm: DVec2, z_mm: f64, pupil_mm: DVec2, is_cut: bool) -> Option<LensRay> {
         let at = point_mm.extend(self.object_mm + z_mm);
         let way = pupil_mm.extend(self.entrance_mm) - at;
         let mut ray = Ray { at, along: way.normalize() * way.z.signum() };
@@ -343,7 +343,7 @@ mod tests {
         assert!((camera.main_lens.working_f_number, camera.main_lens.magnification) == (4.0, 1.0));
         for (x, z, u) in [(0.01, 0.0, 0.0), (0.01, -5.0, 0.02), (-0.02, 4.0, 0.01)] {
             let point = DVec2::new(x, 0.5 * x);
-            let ray = traced.from_object(sensor_axes(point), z, DVec2::new(u, -u), true).unwrap();
+            let ray = traced.ray_from_object(sensor_axes(point), z, DVec2::new(u, -u), true).unwrap();
             let hit = optics.array_from_object(point, z, ray.aperture_mm);
             assert!(hit.distance(ray.array_mm) < 1e-8, "{hit} {}", ray.array_mm);
         }
@@ -361,7 +361,7 @@ mod tests {
             ([3.0, 4.0], [10.0, -20.0], [-3.001_596_44, -3.970_948_28], [9.973_664_90, -20.051_085_65]),
             ([-4.0, 1.0], [0.0, 0.0], [4.0, -1.0], [2.273_859e-6, -5.684_648e-7]),
         ] {
-            let ray = traced.from_object(point.into(), 0.0, pupil.into(), false).unwrap();
+            let ray = traced.ray_from_object(point.into(), 0.0, pupil.into(), false).unwrap();
             assert!(ray.array_mm.distance(array.into()) < 2e-8, "{ray:?}");
             assert!(ray.aperture_mm.distance(aperture.into()) < 2e-8, "{ray:?}");
         }
@@ -377,8 +377,8 @@ mod tests {
         for n in 0..400 {
             let at = |n: usize, times: usize| ((n * times) % 400) as f64 / 200.0 - 1.0;
             let (point, pupil) = (4.0 * DVec2::new(at(n, 7), at(n, 31)), 30.0 * DVec2::new(at(n, 1), at(n, 57)));
-            let ray = traced.from_object(point, 1.0, pupil, false).unwrap();
-            let passes = traced.from_object(point, 1.0, pupil, true).is_some();
+            let ray = traced.ray_from_object(point, 1.0, pupil, false).unwrap();
+            let passes = traced.ray_from_object(point, 1.0, pupil, true).is_some();
             assert_eq!(traced.lets_through(ray.array_mm, ray.aperture_mm), passes, "{point} {pupil}");
             (passed, cut) = (passed + usize::from(passes), cut + usize::from(!passes));
         }
