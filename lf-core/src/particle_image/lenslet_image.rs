@@ -65,7 +65,9 @@ pub(super) trait Listed: Table {
         Self: Sized;
 
     /// Like `means`, but at the scratch's hits on the array.
-    fn means_at<const N: usize>(share: &Self, more_mm: f64, scratch: &mut Scratch);
+    fn means_at<const N: usize>(tables: &Tables<Self>, more_mm: f64, has_pixel: bool, scratch: &mut Scratch)
+    where
+        Self: Sized;
 
     /// Adds the light up, pixel by pixel.
     fn integrate<const N: usize>(image: &LensletImage<'_, Self>, scratch: &mut Scratch, cut: Cut)
@@ -85,8 +87,8 @@ impl Listed for Spline {
     }
 
     #[inline(always)]
-    fn means_at<const N: usize>(share: &Self, more_mm: f64, scratch: &mut Scratch) {
-        share.fill_means_at::<N>(more_mm, scratch);
+    fn means_at<const N: usize>(tables: &Tables<Self>, more_mm: f64, has_pixel: bool, scratch: &mut Scratch) {
+        tables.fill_means_at::<N>(more_mm, has_pixel, scratch);
     }
 
     #[inline(always)]
@@ -118,8 +120,8 @@ impl Listed for Cross {
     }
 
     #[inline(always)]
-    fn means_at<const N: usize>(share: &Self, more_mm: f64, scratch: &mut Scratch) {
-        share.fill_means_at(more_mm, scratch);
+    fn means_at<const N: usize>(tables: &Tables<Self>, more_mm: f64, has_pixel: bool, scratch: &mut Scratch) {
+        tables.fill_means_at(more_mm, has_pixel, scratch);
     }
 
     #[inline(always)]
@@ -139,7 +141,8 @@ pub struct Scratch {
     pub(super) points: [Vec<Place>; 2],
     pub(super) means: Vec<Mean>,
     pub(super) fours: Vec<FourPlaces>,
-    pub(super) hits: Vec<DVec2>,
+    /// Where rays through the middles of pixels meet the array, and how wide the pixels are there.
+    pub(super) hits: Vec<(DVec2, DVec2)>,
     pub(super) jets: [Vec<LineJet>; 2],
     pub(super) stencils: Vec<Stencil>,
     pub(super) corners: [Vec<Jet>; 2],

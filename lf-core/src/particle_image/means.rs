@@ -79,27 +79,16 @@ impl Tables<Cross> {
     pub(super) fn fill_means(&self, more_mm: f64, has_pixel: bool, scratch: &mut Scratch) {
         let Scratch { edges, points, means, jets, .. } = scratch;
         for axis in 0..2 {
-            let (jets, share, integral) = (&mut jets[axis], self.share.line(axis), self.integral.line(axis));
+            let jets = &mut jets[axis];
             jets.clear();
             if has_pixel {
-                jets.extend(points[axis].iter().map(|point| share.jet(point.x, more_mm)));
+                jets.extend(points[axis].iter().map(|point| self.share.line(axis).jet(point.x, more_mm)));
                 continue;
             }
-            let at = |x: f64| (integral.jet(x, more_mm), share.jet(x, more_mm));
-            let mut before = edges[axis].first().map(|edge| at(edge.x)).unwrap_or_default();
+            let mut before = edges[axis].first().map(|edge| self.end(axis, edge.x, more_mm)).unwrap_or_default();
             for pair in edges[axis].windows(2) {
-                let after = at(pair[1].x);
-                let per_length = 1.0 / (pair[1].x - pair[0].x);
-                let ((integral, share), (integral_before, share_before)) = (&after, &before);
-                // The share is the slope of the integral, and smoother than its table's.
-                jets.push([
-                    per_length * (integral[0] - integral_before[0]),
-                    per_length * (share[0] - share_before[0]),
-                    per_length * (share[1] - share_before[1]),
-                    per_length * (integral[3] - integral_before[3]),
-                    per_length * (share[3] - share_before[3]),
-                    per_length * (share[4] - share_before[4]),
-                ]);
+                let after = self.end(axis, pair[1].x, more_mm);
+                jets.push(between(&before, &after, pair[1].x - pair[0].x));
                 before = after;
             }
         }
@@ -111,6 +100,31 @@ impl Tables<Cross> {
             }
         }
     }
+}
+
+/// The integral and the share at the end of a pixel along one axis.
+type End = (LineJet, LineJet);
+
+impl Tables<Cross> {
+    #[inline(always)]
+    fn end(&self, axis: usize, x: f64, more_mm: f64) -> End {
+        (self.integral.line(axis).jet(x, more_mm), self.share.line(axis).jet(x, more_mm))
+    }
+}
+
+/// The mean between the ends of a pixel, which is `length` wide on the array.
+#[inline(always)]
+fn between((integral_before, share_before): &End, (integral, share): &End, length: f64) -> LineJet {
+    let per_length = 1.0 / length;
+    // The share is the slope of the integral, and smoother than its table's.
+    [
+        per_length * (integral[0] - integral_before[0]),
+        per_length * (share[0] - share_before[0]),
+        per_length * (share[1] - share_before[1]),
+        per_length * (integral[3] - integral_before[3]),
+        per_length * (share[3] - share_before[3]),
+        per_length * (share[4] - share_before[4]),
+    ]
 }
 
 /// Sets the mean of one of four pixels.
@@ -135,37 +149,60 @@ fn product(x: &LineJet, y: &LineJet, mean: &mut Mean, lane: usize) {
     }
 }
 
-impl Spline {
+impl Tables<Spline> {
     /// For a cell of any shape, at the hits of bent rays.
     #[inline(always)]
-    pub(super) fn fill_means_at<const N: usize>(&self, more_mm: f64, scratch: &mut Scratch) {
+    pub(super) fn fill_means_at<const N: usize>(&self, more_mm: f64, has_pixel: bool, scratch: &mut Scratch) {
+        let Tables { share, integral, .. } = self;
         let Scratch { hits, points, means, .. } = scratch;
         let columns = points[0].len();
         fit(means, columns, points[1].len());
         for (hits, means) in hits.chunks(columns).zip(means.chunks_mut(columns.div_ceil(LANES))) {
-            for (column, hit) in hits.iter().enumerate() {
-                let jet = self.jet::<N>(&self.stencil(0, hit.x), &self.stencil(1, hit.y), more_mm);
+            for (column, (hit, width)) in hits.iter().enumerate() {
                 let mean = &mut means[column / LANES];
+                if has_pixel {
+                    let jet = share.jet::<N>(&share.stencil(0, hit.x), &share.stencil(1, hit.y), more_mm);
+                    for n in 0..needed::<N>() {
+                        mean[n][column % LANES] = jet[n];
+                    }
+                    continue;
+                }
+                let (low, high) = (*hit - 0.5 * *width, *hit + 0.5 * *width);
+                let [left, right] = [integral.stencil(0, low.x), integral.stencil(0, high.x)];
+                let [lower, upper] = [integral.stencil(1, low.y), integral.stencil(1, high.y)];
+                let (a, b) = (integral.jet::<N>(&left, &lower, more_mm), integral.jet::<N>(&right, &lower, more_mm));
+                let (c, d) = (integral.jet::<N>(&left, &upper, more_mm), integral.jet::<N>(&right, &upper, more_mm));
+                let per_area = 1.0 / (width.x * width.y);
                 for n in 0..needed::<N>() {
-                    mean[n][column % LANES] = jet[n];
+                    mean[n][column % LANES] = per_area * ((a[n] - b[n]) - (c[n] - d[n]));
                 }
             }
         }
     }
 }
 
-impl Cross {
+impl Tables<Cross> {
     /// For a rectangle along the axes, at the hits of bent rays.
     #[inline(always)]
-    pub(super) fn fill_means_at(&self, more_mm: f64, scratch: &mut Scratch) {
+    pub(super) fn fill_means_at(&self, more_mm: f64, has_pixel: bool, scratch: &mut Scratch) {
         let Scratch { hits, points, means, .. } = scratch;
         let columns = points[0].len();
         fit(means, columns, points[1].len());
-        let [x, y] = [self.line(0), self.line(1)];
         for (hits, means) in hits.chunks(columns).zip(means.chunks_mut(columns.div_ceil(LANES))) {
-            for (column, hit) in hits.iter().enumerate() {
-                let (x, y) = (x.jet(hit.x, more_mm), y.jet(hit.y, more_mm));
-                product(&x, &y, &mut means[column / LANES], column % LANES);
+            for (column, (hit, width)) in hits.iter().enumerate() {
+                let mut jets = [LineJet::default(); 2];
+                for (axis, jet) in jets.iter_mut().enumerate() {
+                    let (hit, width) = (hit[axis], width[axis]);
+                    *jet = match has_pixel {
+                        true => self.share.line(axis).jet(hit, more_mm),
+                        false => between(
+                            &self.end(axis, hit - 0.5 * width, more_mm),
+                            &self.end(axis, hit + 0.5 * width, more_mm),
+                            width,
+                        ),
+                    };
+                }
+                product(&jets[0], &jets[1], &mut means[column / LANES], column % LANES);
             }
         }
     }

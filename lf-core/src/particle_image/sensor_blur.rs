@@ -54,15 +54,12 @@ impl SensorBlur {
     /// The spot of a particle on the array, widened by the blur. `px_by_stop` is how many pixels a millimetre of the
     /// stop covers.
     #[inline(always)]
-    pub(super) fn widened(&self, spot_mm: f64, alpha: f64, px_by_stop: f64, is_bent: bool) -> Widened {
+    pub(super) fn widened(&self, spot_mm: f64, alpha: f64, px_by_stop: f64) -> Widened {
         let pixel_mm = 1.0 / px_by_stop.abs();
         let along = (alpha * pixel_mm).abs();
         let mut variance_px = self.sigma_px * self.sigma_px;
-        // Bent rays are followed through the middle of each pixel.
-        let has_pixel = is_bent || {
-            let blur_mm = along * self.sigma_px;
-            along < SMALL * (spot_mm * spot_mm + blur_mm * blur_mm).sqrt()
-        };
+        let blur_mm = along * self.sigma_px;
+        let has_pixel = along < SMALL * (spot_mm * spot_mm + blur_mm * blur_mm).sqrt();
         if has_pixel {
             variance_px += PIXEL_VARIANCE;
         }

@@ -1,12 +1,14 @@
 //! The parameters of a camera that the images of particles determine, beside its drift and its blur.
 //!
 //! Magnification and focal lengths scale places and depths, which no particle shows. A lenslet's focal length that is
-//! too long looks as an f-number that is too small, because depths follow.
+//! too long looks as an f-number that is too small, because depths follow. Field curvature moves depths too, and of
+//! astigmatism only a little is left when depths follow: dots find them (`lf-calib volume`).
 
 use lf_core::Camera;
+use lf_core::camera::Aberrations;
 
 /// Number of these parameters.
-pub(crate) const LENSES: usize = 3;
+pub(crate) const LENSES: usize = 5;
 
 /// A parameter of a camera.
 pub(crate) struct Lens {
@@ -24,6 +26,10 @@ pub(crate) struct Lens {
 /// Half of the longer side of the sensor, pixels.
 fn edge_px(camera: &Camera) -> f64 {
     0.5 * camera.sensor.width.max(camera.sensor.height) as f64
+}
+
+fn aberrations(camera: &mut Camera) -> &mut Aberrations {
+    camera.aberrations.get_or_insert_default()
 }
 
 /// The parameters.
@@ -48,6 +54,20 @@ pub(crate) const PARAMETERS: [Lens; LENSES] = [
         unit: "mrad",
         per_px: |camera| 1000.0 / edge_px(camera),
         change: |camera, by| camera.microlenses.rotation_rad += 1e-3 * by,
+    },
+    Lens {
+        name: "spherical aberration of the main lens",
+        key: "spherical_px",
+        unit: "px",
+        per_px: |_| 1.0,
+        change: |camera, by| aberrations(camera).spherical_px += by,
+    },
+    Lens {
+        name: "coma of the main lens",
+        key: "coma_px",
+        unit: "px",
+        per_px: |_| 1.0,
+        change: |camera, by| aberrations(camera).coma_px += by,
     },
 ];
 
