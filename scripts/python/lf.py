@@ -649,7 +649,7 @@ class Camera:
     LEAST_COSINE2 = 0.05  # For rays before a telecentric lens.
     FARTHEST = 1.5  # Radii beyond which the departure of the lenslets stays constant.
     BLOCKS = {"frame", "sensor", "main_lens", "microlenses", "distortion", "tilt", "medium", "blur", "sensor_noise"}
-    BLOCKS |= {"centres", "vignetting", "pose", "calibration"}
+    BLOCKS |= {"aberrations", "centres", "vignetting", "pose", "calibration"}
 
     def __init__(self, path):
         try:
@@ -682,6 +682,9 @@ class Camera:
             self.tilt = tuple(float(np.tan(tilt[key])) for key in ("x_rad", "y_rad"))
             bent = given.get("distortion", {})
             self.distortion = (*bent.get("radial", (0, 0, 0)), *bent.get("tangential", (0, 0)))
+            terms = given.get("aberrations", {})
+            names = ("spherical_px", "coma_px", "astigmatism_px", "field_curvature_px")
+            self.aberrations_mm = [terms.get(name, 0) * self.pixel_mm for name in names]
             self.medium, self.centres = given.get("medium"), given.get("centres")
             if self.medium is not None:
                 self.window_z_mm, self.medium_index = self.medium["window_z_mm"], self.medium["index"]
@@ -716,22 +719,37 @@ class Camera:
         sensor's axes, as x_m and y_m are. The arguments broadcast together; without distortion, medium and telecentric
         lens, x_m has the shape of x, z and u together, y_m that of y, z and v."""
         x, y = -x, y  # Along the sensor's axes, which the lens inverts.
+        hit = self._undistorted_mm(x, y, z, u, v)
+        moved = self._distortion_mm(x, y, z) if any(self.distortion) else (0, 0)
+        if any(self.aberrations_mm):
+            shift = self._aberrations_mm(self._undistorted_mm(x, y, z, 0.0, 0.0), u, v)
+            moved = moved[0] + shift[0], moved[1] + shift[1]
+        return hit[0] + moved[0], hit[1] + moved[1]
+
+    def _undistorted_mm(self, x, y, z, u, v):
         if self.index is not None:
             across = self.index * self.stop_mm / self.magnification
             cosine2 = np.maximum(1 - (u * u + v * v) / across**2, self.LEAST_COSINE2)
             spread = self.magnification * z / (across * np.sqrt(cosine2))
-            hit = spread * u - self.magnification * x, spread * v - self.magnification * y
-        elif self.medium is None:
+            return spread * u - self.magnification * x, spread * v - self.magnification * y
+        if self.medium is None:
             beta = self.image_mm / (self.object_mm - z)
             alpha = 1 - self.image_mm / self.focal_mm + beta
             stop, array = self._lens_shares()
             away = 1 + (array - 1) * alpha  # 1 if the lens is its own exit pupil
             alpha, beta = stop * alpha / away, beta / away
-            hit = alpha * u - beta * x, alpha * v - beta * y
-        else:
-            hit = self._behind_window(x, y, z, u, v)
-        moved = self._distortion_mm(x, y, z) if any(self.distortion) else (0, 0)
-        return hit[0] + moved[0], hit[1] + moved[1]
+            return alpha * u - beta * x, alpha * v - beta * y
+        return self._behind_window(x, y, z, u, v)
+
+    def _aberrations_mm(self, chief, u, v):
+        """Shifts of rays on the array, whose chief rays meet it at `chief`."""
+        spherical, coma, astigmatism, curvature = self.aberrations_mm
+        per_half, per_corner = 2 / self.aperture_mm, 2 / (self.pixel_mm * np.hypot(*self.sensor_px))
+        u, v, x, y = per_half * u, per_half * v, per_corner * chief[0], per_corner * chief[1]
+        square, along = u * u + v * v, u * x + v * y
+        by_stop = spherical * square + 2 * coma * along + curvature * (x * x + y * y)
+        by_field = coma * square + astigmatism * along
+        return u * by_stop + x * by_field, v * by_stop + y * by_field
 
     def _lens_shares(self):
         """A ray that passes V and meets the array at y_m has passed the lens at stop V + (1 - array) y_m."""
