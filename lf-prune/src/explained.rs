@@ -9,6 +9,10 @@ use rayon::prelude::*;
 /// About this many lit pixels are examined, spread evenly over those of the frame.
 const PIXELS: usize = 2000;
 
+/// A pixel whose rays pass a kept voxel this near on the array is explained, px: it may see the rim of a particle, whose
+/// own voxels noise has emptied.
+const RIM_PX: f64 = 2.0;
+
 /// With fewer pixels the share is unknown.
 const FEWEST_PIXELS: usize = 30;
 
@@ -50,7 +54,7 @@ impl Support {
 struct Sight<'a> {
     optics: Optics,
     grid: &'a Grid,
-    /// Half a lenslet's cell and half a pixel of rays, mm on the array.
+    /// Half a lenslet's cell and the rim of a particle, mm on the array.
     reach_mm: f64,
     stop_mm: f64,
     /// Distances on the sensor over those on the array.
@@ -61,7 +65,8 @@ impl<'a> Sight<'a> {
     fn new(camera: &Camera, grid: &'a Grid) -> Self {
         let optics = Optics::new(camera);
         let gain = optics.sensor_through(DVec2::Y, DVec2::Y, DVec2::ZERO).y;
-        Self { grid, reach_mm: 0.5 * camera.microlenses.pitch_mm, stop_mm: camera.aperture_mm(), gain, optics }
+        let reach_mm = 0.5 * camera.microlenses.pitch_mm + RIM_PX * camera.sensor.pixel_pitch_mm;
+        Self { grid, reach_mm, stop_mm: camera.aperture_mm(), gain, optics }
     }
 
     /// The place in the stop whose light a pixel takes through the lenslet at `centre_mm`.
