@@ -9,8 +9,8 @@ use rayon::prelude::*;
 /// About this many lit pixels are examined, spread evenly over those of the frame.
 const PIXELS: usize = 2000;
 
-/// A pixel whose rays pass a kept voxel this near on the array is explained, px: it may see the rim of a particle, whose
-/// own voxels noise has emptied.
+/// A pixel is explained if its rays pass a kept voxel this near on the array, px: it may see the rim of a particle,
+/// where noise has emptied the voxels.
 const RIM_PX: f64 = 2.0;
 
 /// With fewer pixels the share is unknown.

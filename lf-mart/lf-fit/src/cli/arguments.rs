@@ -51,8 +51,8 @@ pub struct Arguments {
     #[arg(long, value_name = "PX", default_value_t = 0.65, help_heading = FIT)]
     pub size: f64,
     /// Keep as given instead of fitting: the size of particles, the drift of the lattice, the blur of a camera that has
-    /// one, the f-number, pitch and rotation of a camera that does not explain its image, or the poses of further
-    /// cameras
+    /// one, the f-number, pitch, rotation and aberrations of a camera that does not explain its image, or the poses of
+    /// further cameras
     #[arg(
         long,
         value_enum,
