@@ -127,6 +127,19 @@ fn blurred_light_is_where_rays_fall() {
     }
 }
 
+/// Behind a medium each pixel has its own width on the array. Enough rays that their noise does not hide the model's
+/// error.
+#[test]
+fn blurred_light_behind_a_medium_is_near_that_of_rays() {
+    const RAYS: usize = 400_000;
+    for (name, camera) in blurred_cameras(0.3).filter(|(name, _)| name.contains("medium")) {
+        for place in PLACES {
+            let distance = distance_from_blurred_rays(&camera, place, RAYS);
+            assert!(distance < 0.005, "{name} {place:?}: {distance:.5}");
+        }
+    }
+}
+
 /// Derivatives on a blurred sensor against central differences, in the norm over the particle's pixels. They leave out
 /// how the width of a bump changes with the place.
 #[test]
