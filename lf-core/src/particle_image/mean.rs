@@ -5,9 +5,9 @@ use glam::DVec4;
 
 /// Pixels that are computed at once.
 pub(super) const LANES: usize = 4;
-/// Numbers of a mean, and those that are not derivatives by the size.
+/// Numbers of a mean, and those without the derivatives of slopes and curvatures by the size.
 pub(super) const NUMBERS: usize = 12;
-pub(super) const PLAIN: usize = 6;
+pub(super) const PLAIN: usize = 7;
 
 /// Means of the cell's share over four pixels and the blur, with their derivatives by the place on the array and by the
 /// size of the spot: the numbers of [`super::spline::Jet`], each for four pixels.

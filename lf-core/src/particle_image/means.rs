@@ -2,14 +2,23 @@
 
 use super::cell_surface::Tables;
 use super::cross::{Cross, LineJet};
-use super::lenslet_image::{PLACES, Scratch};
+use super::lenslet_image::{PLACES, QUANTITIES, Scratch};
 use super::mean::{LANES, Mean, NUMBERS, PLAIN};
-use super::spline::Spline;
+use super::spline::{Jet, Spline};
 
-/// How many numbers of a mean N quantities need.
+/// Sets the numbers of one pixel's mean that N quantities need.
 #[inline(always)]
-fn needed<const N: usize>() -> usize {
-    if N > PLACES { NUMBERS } else { PLAIN + 1 }
+fn put<const N: usize>(means: &mut [Mean], column: usize, number: impl Fn(usize) -> f64) {
+    let mean = &mut means[column / LANES];
+    for n in 0..if N > PLACES { NUMBERS } else { PLAIN } {
+        mean[n][column % LANES] = number(n);
+    }
+}
+
+/// The second difference of the integral between the corners of a pixel, over its area.
+#[inline(always)]
+fn difference([a, b, c, d]: [&Jet; 4], per_area: f64) -> impl Fn(usize) -> f64 {
+    move |n| per_area * ((a[n] - b[n]) - (c[n] - d[n]))
 }
 
 /// Room for the means of rows of pixels.
@@ -26,7 +35,7 @@ impl Tables<Spline> {
     pub(super) fn fill_means<const N: usize>(&self, more_mm: f64, has_pixel: bool, scratch: &mut Scratch) {
         let Tables { share, integral, .. } = self;
         let Scratch { edges, points, means, stencils, corners: [above, below], .. } = scratch;
-        let (columns, count) = (points[0].len(), needed::<N>());
+        let columns = points[0].len();
         fit(means, columns, points[1].len());
         stencils.clear();
         if has_pixel {
@@ -37,10 +46,7 @@ impl Tables<Spline> {
                 let y = share.stencil(1, point.x);
                 for (column, x) in stencils.iter().enumerate() {
                     let jet = share.jet::<N>(x, &y, more_mm);
-                    let mean = &mut means[column / LANES];
-                    for n in 0..count {
-                        mean[n][column % LANES] = jet[n];
-                    }
+                    put::<N>(means, column, |n| jet[n]);
                 }
             }
             return;
@@ -64,10 +70,7 @@ impl Tables<Spline> {
             let rows = above.windows(2).zip(below.windows(2)).zip(edges[0].windows(2));
             for (column, ((upper, lower), edges_x)) in rows.enumerate() {
                 let per_area = 1.0 / (height * (edges_x[1].x - edges_x[0].x));
-                let mean = &mut means[column / LANES];
-                for n in 0..count {
-                    mean[n][column % LANES] = per_area * ((upper[0][n] - upper[1][n]) - (lower[0][n] - lower[1][n]));
-                }
+                put::<N>(means, column, difference([&upper[0], &upper[1], &lower[0], &lower[1]], per_area));
             }
         }
     }
@@ -96,7 +99,7 @@ impl Tables<Cross> {
         fit(means, columns, jets[1].len());
         for (y, means) in jets[1].iter().zip(means.chunks_mut(columns.div_ceil(LANES).max(1))) {
             for (column, x) in jets[0].iter().enumerate() {
-                product(x, y, &mut means[column / LANES], column % LANES);
+                product(x, y, means, column);
             }
         }
     }
@@ -127,9 +130,9 @@ fn between((integral_before, share_before): &End, (integral, share): &End, lengt
     ]
 }
 
-/// Sets the mean of one of four pixels.
+/// Sets one pixel's mean.
 #[inline(always)]
-fn product(x: &LineJet, y: &LineJet, mean: &mut Mean, lane: usize) {
+fn product(x: &LineJet, y: &LineJet, means: &mut [Mean], column: usize) {
     let numbers = [
         x[0] * y[0],
         x[1] * y[0],
@@ -144,9 +147,7 @@ fn product(x: &LineJet, y: &LineJet, mean: &mut Mean, lane: usize) {
         x[4] * y[1] + x[1] * y[4],
         x[3] * y[2] + x[0] * y[5],
     ];
-    for (mean, number) in mean.iter_mut().zip(numbers) {
-        mean[lane] = number;
-    }
+    put::<QUANTITIES>(means, column, |n| numbers[n]);
 }
 
 impl Tables<Spline> {
@@ -159,12 +160,9 @@ impl Tables<Spline> {
         fit(means, columns, points[1].len());
         for (hits, means) in hits.chunks(columns).zip(means.chunks_mut(columns.div_ceil(LANES))) {
             for (column, (hit, width)) in hits.iter().enumerate() {
-                let mean = &mut means[column / LANES];
                 if has_pixel {
                     let jet = share.jet::<N>(&share.stencil(0, hit.x), &share.stencil(1, hit.y), more_mm);
-                    for n in 0..needed::<N>() {
-                        mean[n][column % LANES] = jet[n];
-                    }
+                    put::<N>(means, column, |n| jet[n]);
                     continue;
                 }
                 let (low, high) = (*hit - 0.5 * *width, *hit + 0.5 * *width);
@@ -173,9 +171,7 @@ impl Tables<Spline> {
                 let (a, b) = (integral.jet::<N>(&left, &lower, more_mm), integral.jet::<N>(&right, &lower, more_mm));
                 let (c, d) = (integral.jet::<N>(&left, &upper, more_mm), integral.jet::<N>(&right, &upper, more_mm));
                 let per_area = 1.0 / (width.x * width.y);
-                for n in 0..needed::<N>() {
-                    mean[n][column % LANES] = per_area * ((a[n] - b[n]) - (c[n] - d[n]));
-                }
+                put::<N>(means, column, difference([&a, &b, &c, &d], per_area));
             }
         }
     }
@@ -202,7 +198,7 @@ impl Tables<Cross> {
                         ),
                     };
                 }
-                product(&jets[0], &jets[1], &mut means[column / LANES], column % LANES);
+                product(&jets[0], &jets[1], means, column);
             }
         }
     }

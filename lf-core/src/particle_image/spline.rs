@@ -87,18 +87,20 @@ impl Spline {
     /// All numbers of a jet; the derivatives of slopes and curvatures by the size are 0 unless N asks for them.
     #[inline(always)]
     pub(super) fn jet<const N: usize>(&self, x: &Stencil, y: &Stencil, more: f64) -> Jet {
-        let (mut rows, mut sizes) = ([[0.0; 4]; 3], [[0.0; 4]; 3]);
+        let mut rows = [[0.0; 4]; 3];
+        let mut sizes = [[0.0; 4]; 3];
         let orders = if N > 4 { 3 } else { 1 };
         for n in 0..4 {
             let start = (y.first + n) * self.nodes[0] + x.first;
-            let by_size: [f64; 4] = self.by_size[start..start + 4].try_into().expect("four nodes");
-            let values: &[f64; 4] = self.values[start..start + 4].try_into().expect("four nodes");
-            let value = plus(values, more, &by_size);
-            for order in 0..3 {
-                rows[order] = plus(&rows[order], y.weights[order][n], &value);
-            }
-            for order in 0..orders {
-                sizes[order] = plus(&sizes[order], y.weights[order][n], &by_size);
+            let (values, by_size) = (&self.values[start..start + 4], &self.by_size[start..start + 4]);
+            for k in 0..4 {
+                let value = values[k] + more * by_size[k];
+                for order in 0..3 {
+                    rows[order][k] += y.weights[order][n] * value;
+                }
+                for order in 0..orders {
+                    sizes[order][k] += y.weights[order][n] * by_size[k];
+                }
             }
         }
         let dot = |a: &[f64; 4], b: &[f64; 4]| (a[0] * b[0] + a[1] * b[1]) + (a[2] * b[2] + a[3] * b[3]);
@@ -116,12 +118,6 @@ impl Spline {
         let [x_by, y_by, xx_by, xy_by, yy_by] = if N > 4 { of(&sizes) } else { [0.0; 5] };
         [dot(&rows[0], level), x, y, xx, xy, yy, dot(&sizes[0], level), x_by, y_by, xx_by, xy_by, yy_by]
     }
-}
-
-/// `a + factor b`, all four at once.
-#[inline(always)]
-fn plus(a: &[f64; 4], factor: f64, b: &[f64; 4]) -> [f64; 4] {
-    [a[0] + factor * b[0], a[1] + factor * b[1], a[2] + factor * b[2], a[3] + factor * b[3]]
 }
 
 /// Value; slopes x and y; curvatures xx, xy and yy; the derivatives of all these by the size in the same order.
