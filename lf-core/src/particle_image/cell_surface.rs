@@ -3,6 +3,7 @@
 use super::cross::{Cross, Line};
 use super::normal::{density, distribution, ramp};
 use super::spline::Spline;
+use super::table::Table;
 use crate::lattice::chord;
 use glam::DVec2;
 use std::cmp::Ordering;
@@ -80,6 +81,14 @@ impl Surfaces {
             Self::Rectangle(ladder) => ladder.is_for(corners, sigmas_mm, off_mm),
         }
     }
+
+    /// Bytes of the tables that have been made.
+    pub(super) fn bytes(&self) -> usize {
+        match self {
+            Self::Any(ladder) => ladder.bytes(),
+            Self::Rectangle(ladder) => ladder.bytes(),
+        }
+    }
 }
 
 /// Half sides of the box around a cell, mm.
@@ -107,6 +116,13 @@ impl<T> Ladder<T> {
         let is_below = spot_mm * spot_mm < self.rungs[below].0 * self.rungs[above].0;
         let (sigma_mm, tables) = &self.rungs[if is_below { below } else { above }];
         tables.get_or_init(|| (self.make)(&self.corners, *sigma_mm))
+    }
+}
+
+impl<T: Table> Ladder<T> {
+    fn bytes(&self) -> usize {
+        let made = self.rungs.iter().filter_map(|(_, tables)| tables.get());
+        made.map(|tables| tables.share.bytes() + tables.integral.bytes()).sum()
     }
 }
 
@@ -201,7 +217,6 @@ fn strips(corners: &[DVec2], sigma_mm: f64) -> Vec<Strip> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::table::Table;
     use super::*;
 
     /// H and G at a place, each with slopes and derivative by the size.

@@ -103,6 +103,10 @@ impl Table for Cross {
         let by_size = if N > 4 { x.by_size * y.value + x.value * y.by_size } else { 0.0 };
         [x.value * y.value, x.slope * y.value, x.value * y.slope, by_size]
     }
+
+    fn bytes(&self) -> usize {
+        self.0.iter().map(|line| size_of_val(&line.values[..]) + size_of_val(&line.by_size[..])).sum()
+    }
 }
 
 #[cfg(test)]

@@ -92,6 +92,11 @@ impl ParticleModel {
         self.sigma_mm
     }
 
+    /// Bytes of the tables of cells. A table is made when an image of its size is first drawn.
+    pub fn table_bytes(&self) -> usize {
+        self.surfaces.bytes()
+    }
+
     /// The far light around the images; None if nothing diffracts.
     pub fn halo(&self) -> Option<&Halo> {
         self.view.blur.as_ref()?.halo.as_ref()

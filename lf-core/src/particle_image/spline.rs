@@ -162,6 +162,10 @@ impl Table for Spline {
         }
         [dot(level, x.weights), dot(level, x.slopes), dot(slope, x.weights), by_size]
     }
+
+    fn bytes(&self) -> usize {
+        size_of_val(&self.values[..]) + size_of_val(&self.by_size[..])
+    }
 }
 
 /// From values to the coefficients of the B-spline through them, along both axes.

@@ -14,4 +14,7 @@ pub(super) trait Table {
     /// Value, slopes along x and y if N is more than 1, and derivative by the size if N is more than 4, for a size that
     /// is `more` than the table's.
     fn at<const N: usize>(&self, x: &Self::Taps, y: &Self::Taps, more: f64) -> [f64; 4];
+
+    /// Bytes of the table.
+    fn bytes(&self) -> usize;
 }

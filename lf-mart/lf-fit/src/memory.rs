@@ -33,29 +33,32 @@ const BLOCK: usize = 4 + 4 * UNKNOWNS * UNKNOWNS;
 const SAMPLE_PIXEL: usize = 64;
 /// Heap bytes per live byte of particle images; allocations of many sizes fragment it. From runs with 0.1 to 1
 /// particles a lenslet.
-const HEAP: f64 = 2.4;
+const HEAP: f64 = 2.6;
 /// Like `HEAP`, but for several threads: each has a heap of its own.
-const HEAPS: f64 = 3.0;
+const HEAPS: f64 = 3.2;
 /// Smallest size, px, that is assumed where the size is fitted: a fit of larger particles may take more.
 const LARGE_PX: f64 = 1.0;
 /// Number of depths at which an image is tried.
-const DEPTHS: usize = 16;
+const DEPTHS: usize = 64;
 /// Several cameras find at most this many times the particles of the mean tile in one tile.
 const FULL_TILE: usize = 2;
 
 /// Largest number of bytes that a fit takes beside images and volumes: each camera alone, then all together. Refuses
 /// what [`super::fit`] refuses of a camera or its volume. A refusal comes with the number of its camera.
 pub fn estimated_bytes(inputs: &[CameraInput], options: &FitOptions) -> Result<u64, (usize, Refusal)> {
-    let mut most = 0;
+    let (mut most, mut tables) = (0, 0);
     let (mut views, mut image, mut count) = (Vec::<CameraView>::new(), ImageSize::default(), 0);
     for (n, input) in inputs.iter().enumerate() {
         let particles = start_alone(input, options).map_err(|refusal| (n, refusal))?;
         let (first, grid) = (particles.cameras.first(), input.volume.grid());
         // A size that is fitted is unknown yet.
         let sigma_px = if options.free.size { options.shape.sigma_px.max(LARGE_PX) } else { options.shape.sigma_px };
-        let large = Shape { sigma_px, ..options.shape }.model(first.camera, first.depth_mm);
+        let large = Shape { sigma_px, ..options.shape }.model_after(&first.model, first.camera, first.depth_mm);
         let large = large.map_err(|refusal| (n, refusal))?;
+        // Both models share their tables; those that images of either size need are made here.
         let alone = ImageSize::new(&large, grid);
+        ImageSize::new(&first.model, grid);
+        tables += large.table_bytes();
         let in_tile = particles.plan().members.iter().map(Vec::len).max().unwrap_or(0);
         let sample = sample_bytes(&particles, &large, alone, options.free.camera);
         let work = work_bytes(&particles, alone, in_tile).max(sample);
@@ -73,7 +76,7 @@ pub fn estimated_bytes(inputs: &[CameraInput], options: &FitOptions) -> Result<u
         let in_tile = count.min(FULL_TILE * count / particles.tiling().tiles().len());
         most = most.max(held_bytes(&particles, count) + work_bytes(&particles, image, in_tile));
     }
-    Ok(most as u64)
+    Ok((most + tables) as u64)
 }
 
 /// Size of the largest window of a tile, pixels.
