@@ -166,7 +166,7 @@ fn unsafe_code_has_its_places() {
     let is_place = |path: &Path| {
         let name = path.file_name().unwrap().to_string_lossy();
         path.ends_with("lf-core/src/io/bytes.rs")
-            || path.ends_with("lf-core/src/io/faults.rs")
+            || path.ends_with("lf-core/src/io/os/faults.rs")
             || path.components().any(|part| part.as_os_str() == "weights")
             || name == "simd.rs"
             || name.starts_with("kernel")

@@ -309,9 +309,10 @@ fn inputs_that_change_are_noticed() {
     let [input, output] = ["input", "output"].map(|name| folder.path().join(name));
     let wanted = "wanted a file that stays as it is during the run";
     fs::write(&input, vec![1; 1 << 20]).unwrap();
+    // Only Unix reports the loss of a mapped input.
     let cut = || File::options().write(true).open(&input).unwrap().set_len(10_000).unwrap();
     let line = format!("lf-tool: {}: cut short while it was read; {wanted}\n", input.display());
-    assert_eq!(read_after(&input, &output, cut), (2, String::new(), line));
+    assert!(cfg!(feature = "portable") || read_after(&input, &output, cut) == (2, String::new(), line));
     fs::write(&input, vec![1; 1 << 20]).unwrap();
     let overwrite = || File::options().append(true).open(&input).unwrap().write_all(b"more").unwrap();
     let line = format!("lf-tool: {}: changed while it was read; {wanted}\n", input.display());
@@ -360,8 +361,19 @@ fn main() -> ExitCode {
         ("inputs_that_change_are_noticed", inputs_that_change_are_noticed),
         ("places_are_tried_before_the_work", places_are_tried_before_the_work),
     ];
+    // A standard stream is a file, and faults are reported, on Unix only.
+    let of_unix: &[&str] = if cfg!(feature = "portable") {
+        &[
+            "bytes_come_by_name_redirect_and_pipe",
+            "outputs_and_inputs_stay_apart",
+            "a_closed_standard_output_is_noticed",
+            "a_limit_of_file_sizes_is_an_error_of_the_write",
+        ]
+    } else {
+        &[]
+    };
     let mut failed = false;
-    for (name, test) in tests {
+    for (name, test) in tests.into_iter().filter(|(name, _)| !of_unix.contains(name)) {
         let passed = std::panic::catch_unwind(test).is_ok();
         println!("test {name} ... {}", if passed { "ok" } else { "FAILED" });
         failed |= !passed;

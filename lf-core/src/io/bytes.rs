@@ -1,6 +1,6 @@
 //! The bytes of an input: mapped, or read into memory.
 
-use super::{faults::Named, names, watched::Used};
+use super::{names, os::Named, watched::Used};
 use std::io::{self, ErrorKind, Read, Seek};
 use std::{fs::File, ops::Deref, path::Path};
 

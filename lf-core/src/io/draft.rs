@@ -3,13 +3,10 @@
 //! With O_TMPFILE (Linux) the draft has no name, and a killed process leaves nothing behind. Elsewhere, as on NFS, it
 //! is a file `.lf-*.part` in the folder of the output, which a killed process leaves there.
 
-use std::fs::{File, Permissions};
+use super::os::{link, nameless, new_permissions};
 use std::io::{self, Seek, SeekFrom};
-use std::{os::unix::fs::PermissionsExt, path::Path};
+use std::{fs::File, path::Path};
 use tempfile::{Builder, NamedTempFile, TempPath};
-
-/// Permissions before the umask: everybody may read and write.
-const MODE: u32 = 0o666;
 
 pub(super) enum Draft {
     Nameless,
@@ -44,7 +41,9 @@ impl Draft {
 }
 
 fn named(folder: &Path) -> io::Result<NamedTempFile> {
-    names().permissions(Permissions::from_mode(MODE)).tempfile_in(folder).map_err(without_path)
+    let mut names = names();
+    new_permissions().map(|permissions| names.permissions(permissions));
+    names.tempfile_in(folder).map_err(without_path)
 }
 
 /// Copies a draft to a file with a temporary name.
@@ -69,37 +68,4 @@ fn without_path(error: io::Error) -> io::Error {
         source.downcast_ref::<io::Error>()?.raw_os_error()
     });
     code.map_or_else(|| error.kind().into(), io::Error::from_raw_os_error)
-}
-
-/// A file without a name. None if the system has no such files, or could not name one later.
-#[cfg(target_os = "linux")]
-fn nameless(folder: &Path) -> Option<File> {
-    use std::os::unix::fs::OpenOptionsExt;
-    if !Path::new(DESCRIPTORS).is_dir() {
-        return None;
-    }
-    let flags = rustix::fs::OFlags::TMPFILE.bits() as i32;
-    File::options().read(true).write(true).mode(MODE).custom_flags(flags).open(folder).ok()
-}
-
-/// The folder in which Linux lists the open files of this process.
-#[cfg(target_os = "linux")]
-const DESCRIPTORS: &str = "/proc/self/fd";
-
-#[cfg(target_os = "linux")]
-fn link(file: &File, path: &Path) -> io::Result<()> {
-    use rustix::fs::{AtFlags, CWD, linkat};
-    use std::os::fd::AsRawFd;
-    let opened = format!("{DESCRIPTORS}/{}", file.as_raw_fd());
-    Ok(linkat(CWD, opened, CWD, path, AtFlags::SYMLINK_FOLLOW)?)
-}
-
-#[cfg(not(target_os = "linux"))]
-fn nameless(_: &Path) -> Option<File> {
-    None
-}
-
-#[cfg(not(target_os = "linux"))]
-fn link(_: &File, _: &Path) -> io::Result<()> {
-    Err(io::ErrorKind::Unsupported.into())
 }

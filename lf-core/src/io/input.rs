@@ -1,10 +1,11 @@
 //! Opens an input; knows binary formats by their first bytes.
 
 use super::bytes::Bytes;
-use super::names::{is_standard, name, reading, standard};
+use super::names::{is_standard, name, reading};
+use super::os::stdin_file;
 use crate::{Error, Result};
-use std::io::{self, IsTerminal};
-use std::{fs::File, os::fd::AsFd, path::Path};
+use std::io::{self, IsTerminal, Read};
+use std::{fs::File, path::Path};
 
 /// Opens a file, or standard input for `-`. Refuses a folder and a terminal.
 pub fn open(path: &Path) -> Result<Bytes> {
@@ -12,11 +13,15 @@ pub fn open(path: &Path) -> Result<Bytes> {
     if !is_standard(path) {
         return Bytes::read(File::open(path).map_err(refused)?, path).map_err(refused);
     }
-    let stdin = standard(io::stdin().as_fd()).map_err(refused)?;
-    if stdin.is_terminal() {
+    if io::stdin().is_terminal() {
         return Err(Error::new(name(path), "a terminal", "wanted a file or a pipe"));
     }
-    Bytes::read(stdin, path).map_err(refused)
+    let mut buffer = Vec::new();
+    let bytes = match stdin_file() {
+        Some(file) => file.and_then(|file| Bytes::read(file, path)),
+        None => io::stdin().read_to_end(&mut buffer).map(|_| buffer.into()),
+    };
+    bytes.map_err(refused)
 }
 
 /// Reads a small text file in UTF-8 (JSON, CSV). Drops a byte order mark; an error names a known binary format.

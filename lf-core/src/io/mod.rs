@@ -9,15 +9,15 @@
 
 mod bytes;
 mod draft;
-mod faults;
 mod input;
 mod names;
+mod os;
 mod output;
 mod watched;
 
 pub use bytes::Bytes;
-pub use faults::{guard, release_memory};
 pub use input::{Signature, open, open_text};
 pub use names::{is_standard, name, output_name, same_file, split_page, writing};
+pub use os::{guard, release_memory};
 pub use output::{check_picture, check_place, save, save_text};
 pub use watched::check_inputs;

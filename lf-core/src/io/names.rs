@@ -1,11 +1,9 @@
 //! Names of inputs and outputs, whether two of them are one file, and failures of the system in words.
 
+use super::os::{FileId, file_id, stdin_file, stdout_file};
 use crate::{Error, Refusal};
-use std::ffi::OsStr;
-use std::fs::{self, File, Metadata};
+use std::fs::{self, File};
 use std::io::{self, ErrorKind};
-use std::os::fd::{AsFd, BorrowedFd};
-use std::os::unix::{ffi::OsStrExt, fs::MetadataExt};
 use std::path::Path;
 
 /// Whether `path` is `-`, a standard stream.
@@ -16,13 +14,10 @@ pub fn is_standard(path: &Path) -> bool {
 /// A path without the page that its end names, and the page: `frames.tif:3` is page 3, from 0, of `frames.tif`. A file
 /// of exactly the typed name is taken as it stands, and so is a name whose file would not exist without the page.
 pub fn split_page(path: &Path) -> (&Path, Option<usize>) {
-    let typed = path.as_os_str().as_bytes();
     let split = || {
-        let colon = typed.iter().rposition(|&byte| byte == b':')?;
-        let digits = &typed[colon + 1..];
-        let page = str::from_utf8(digits).ok().filter(|_| digits.iter().all(u8::is_ascii_digit))?.parse().ok()?;
-        let file = Path::new(OsStr::from_bytes(&typed[..colon]));
-        (!path.exists() && file.exists()).then_some((file, Some(page)))
+        let (file, digits) = path.to_str()?.rsplit_once(':')?;
+        let page = digits.bytes().all(|digit| digit.is_ascii_digit()).then(|| digits.parse().ok())??;
+        (!path.exists() && Path::new(file).exists()).then_some((Path::new(file), Some(page)))
     };
     split().unwrap_or((path, None))
 }
@@ -39,18 +34,12 @@ pub fn output_name(path: &Path) -> String {
 
 /// Whether an output and an input (`-`: standard streams) are the same plain file. Devices and pipes never are.
 pub fn same_file(output: &Path, input: &Path) -> bool {
-    let look = |path: &Path, stream: BorrowedFd| -> Option<(u64, u64)> {
-        let found =
-            if is_standard(path) { standard(stream).and_then(|file| file.metadata()) } else { fs::metadata(path) };
-        found.ok().filter(Metadata::is_file).map(|found| (found.dev(), found.ino()))
+    let look = |path: &Path, stream: fn() -> Option<io::Result<File>>| -> Option<FileId> {
+        let found = if is_standard(path) { stream()?.and_then(|file| file.metadata()) } else { fs::metadata(path) };
+        found.ok().filter(|found| found.is_file()).map(|found| file_id(path, &found))
     };
-    let output = look(output, io::stdout().as_fd());
-    output.is_some() && output == look(input, io::stdin().as_fd())
-}
-
-/// A second handle on a standard stream, without the buffer of the first.
-pub(super) fn standard(stream: BorrowedFd) -> io::Result<File> {
-    Ok(File::from(stream.try_clone_to_owned()?))
+    let output = look(output, stdout_file);
+    output.is_some() && output == look(input, stdin_file)
 }
 
 /// The error of a failed write. An [`Error`] carried inside is returned as it is, a [`Refusal`] as one about `subject`.

@@ -1,12 +1,10 @@
 //! Writes an output whole or not at all.
 
-use super::names::{is_standard, output_name, standard, writing};
-use super::{draft, faults::stdout_was_closed, watched::check_inputs};
+use super::names::{is_standard, output_name, writing};
+use super::{draft, os, watched::check_inputs};
 use crate::{Error, Result};
-use std::fs::{self, File, OpenOptions, Permissions};
+use std::fs::{self, OpenOptions, Permissions};
 use std::io::{self, BufWriter, ErrorKind, IsTerminal, Seek, SeekFrom, Write};
-use std::os::fd::AsFd;
-use std::os::unix::fs::{MetadataExt, PermissionsExt};
 use std::path::{Path, PathBuf};
 
 /// Bytes gathered before a write. From 64 KiB up, the cost of the system call is negligible.
@@ -64,8 +62,8 @@ fn write(path: &Path, text: bool, fill: impl FnOnce(&mut dyn Write) -> io::Resul
             draft.finish(&file, &place, folder).map_err(failed)?;
         }
         stream => {
-            let file = open_stream(&stream, path).map_err(failed)?;
-            if !text && file.is_terminal() {
+            let (file, is_terminal) = open_stream(&stream, path).map_err(failed)?;
+            if !text && is_terminal {
                 return Err(Error::new(subject, "a terminal", "wanted a file or a pipe for binary output (-o FILE)"));
             }
             fill_and_flush(file, fill).map_err(failed)?;
@@ -74,7 +72,7 @@ fn write(path: &Path, text: bool, fill: impl FnOnce(&mut dyn Write) -> io::Resul
     Ok(())
 }
 
-fn fill_and_flush(file: File, fill: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> io::Result<File> {
+fn fill_and_flush<W: Write>(file: W, fill: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> io::Result<W> {
     let mut buffered = BufWriter::with_capacity(BUFFER, file);
     let outcome = fill(&mut buffered).and_then(|()| buffered.flush());
     // After a failure the rest of the buffer is dropped, not written.
@@ -96,14 +94,14 @@ enum OutputPlace {
 /// Determines the kind of output that a path names. Opens no device or FIFO, since that may wait for a reader.
 fn place(path: &Path) -> io::Result<OutputPlace> {
     if is_standard(path) || path == Path::new("/dev/stdout") {
-        return if stdout_was_closed() { Err(io::Error::other("closed")) } else { Ok(OutputPlace::Standard) };
+        return if os::stdout_was_closed() { Err(io::Error::other("closed")) } else { Ok(OutputPlace::Standard) };
     }
     match fs::metadata(path) {
         Ok(found) if found.is_dir() => Err(ErrorKind::IsADirectory.into()),
         Ok(found) if found.is_file() && !names_a_descriptor(path) => {
             // Do not replace a file that its owner has made read-only.
             OpenOptions::new().write(true).open(path)?;
-            Ok(OutputPlace::Replace(fs::canonicalize(path)?, Some(Permissions::from_mode(found.mode() & 0o7777))))
+            Ok(OutputPlace::Replace(fs::canonicalize(path)?, Some(found.permissions())))
         }
         Ok(_) => Ok(OutputPlace::Through),
         Err(error) if matches!(error.kind(), ErrorKind::NotFound | ErrorKind::NotADirectory) => {
@@ -125,17 +123,22 @@ fn place(path: &Path) -> io::Result<OutputPlace> {
     }
 }
 
-/// Opens standard output, a device, a FIFO or a descriptor.
-fn open_stream(place: &OutputPlace, path: &Path) -> io::Result<File> {
+/// Opens standard output, a device, a FIFO or a descriptor; whether it is a terminal.
+fn open_stream(place: &OutputPlace, path: &Path) -> io::Result<(Box<dyn Write>, bool)> {
     if let OutputPlace::Standard = place {
         io::stdout().flush()?;
-        return standard(io::stdout().as_fd());
+        let stream: Box<dyn Write> = match os::stdout_file() {
+            Some(file) => Box::new(file?),
+            None => Box::new(io::stdout()),
+        };
+        return Ok((stream, io::stdout().is_terminal()));
     }
     let mut file = OpenOptions::new().write(true).open(path)?;
     if file.metadata()?.is_file() {
         file.seek(SeekFrom::End(0))?;
     }
-    Ok(file)
+    let is_terminal = file.is_terminal();
+    Ok((Box::new(file), is_terminal))
 }
 
 /// Whether a path names an open descriptor. Replacing its file would cut off others that hold it open.

@@ -1,16 +1,17 @@
 //! Inputs that another program changes while a tool reads them.
 
-use super::faults::is_guarded;
-use super::names::{is_standard, name, standard};
+use super::names::{is_standard, name};
+use super::os::{FileId, file_id, is_guarded, stdin_file};
 use crate::{Error, Result};
 use std::collections::BTreeMap;
 use std::fs::{self, Metadata};
-use std::os::{fd::AsFd, unix::fs::MetadataExt};
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::time::SystemTime;
 
-/// Identity of a file's content: device, inode, length, and time of the last change in seconds and nanoseconds.
-type Mark = (u64, u64, u64, i64, i64);
+/// Identity of a file's content: the file, its length, and the time of the last change.
+type Mark = (FileId, u64, Option<SystemTime>);
 
 /// The inputs in use, and the first one that changed before it was out of use.
 struct Inputs {
@@ -25,20 +26,20 @@ fn inputs() -> MutexGuard<'static, Inputs> {
     INPUTS.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-fn mark(found: &Metadata) -> Mark {
-    (found.dev(), found.ino(), found.len(), found.mtime(), found.mtime_nsec())
+fn mark(path: &Path, found: &Metadata) -> Mark {
+    (file_id(path, found), found.len(), found.modified().ok())
 }
 
 /// Whether the file was written to. A file that was removed or replaced keeps its content for those that hold it open.
 fn has_changed((path, then): &(PathBuf, Mark)) -> bool {
     let now = if is_standard(path) {
-        standard(std::io::stdin().as_fd()).and_then(|file| file.metadata())
+        stdin_file().unwrap_or_else(|| Err(ErrorKind::Unsupported.into())).and_then(|file| file.metadata())
     } else {
         fs::metadata(path)
     };
     now.is_ok_and(|now| {
-        let now = mark(&now);
-        (now.0, now.1) == (then.0, then.1) && now != *then
+        let now = mark(path, &now);
+        now.0 == then.0 && now != *then
     })
 }
 
@@ -51,7 +52,7 @@ impl Used {
         let mut inputs = inputs();
         inputs.next += 1;
         let number = inputs.next;
-        inputs.used.insert(number, (path.to_owned(), mark(found)));
+        inputs.used.insert(number, (path.to_owned(), mark(path, found)));
         Self(number)
     }
 }

@@ -64,7 +64,7 @@ pub fn guard(tool: &'static str) {
 }
 
 /// Whether [`guard`] was called: this process is a tool and not a test.
-pub(super) fn is_guarded() -> bool {
+pub fn is_guarded() -> bool {
     TOOL.length.load(Relaxed) > 0
 }
 
@@ -100,7 +100,7 @@ pub fn release_memory() {
 }
 
 /// Name of a mapped input, for the line about its loss. Dropping it removes the name.
-pub(super) struct Named {
+pub struct Named {
     entry: Option<&'static Map>,
     _name: Box<str>,
 }
@@ -129,7 +129,7 @@ impl Drop for Named {
 
 /// Whether standard output was closed when the program began, as by `>&-`. The standard library opens /dev/null in its
 /// place, and what is written there is lost.
-pub(super) fn stdout_was_closed() -> bool {
+pub fn stdout_was_closed() -> bool {
     STDOUT_WAS_CLOSED.load(Relaxed)
 }
 
