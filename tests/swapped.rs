@@ -267,7 +267,10 @@ fn examples_refuse_unknown_words_in_one_line() {
         let output = python.arg(format!("../examples/{example}")).args(words).output().unwrap();
         let text = String::from_utf8_lossy(&output.stderr).into_owned();
         assert_eq!(output.status.code(), Some(2), "{text}");
-        assert!(text.starts_with(&format!("{example}: ")) && text.contains(named) && text.lines().count() == 1, "{text}");
+        assert!(
+            text.starts_with(&format!("{example}: ")) && text.contains(named) && text.lines().count() == 1,
+            "{text}"
+        );
     }
 }
 
