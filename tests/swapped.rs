@@ -257,12 +257,21 @@ fn the_stored_matrix_reconstructs_nearly_as_well() {
 
 #[test]
 fn examples_refuse_unknown_words_in_one_line() {
-    let Some(mut python) = python(&["numpy"]) else { return };
-    python.args(["../examples/prune.py", "frame.exr", "-c", "camera.json", "--depth", "-5,5", "--keep-all"]);
-    let output = python.output().unwrap();
-    let text = String::from_utf8_lossy(&output.stderr).into_owned();
-    assert_eq!(output.status.code(), Some(2), "{text}");
-    assert!(text.starts_with("prune.py: ") && text.contains("--keep-all") && text.lines().count() == 1, "{text}");
+    let unknown = ["frame.exr", "-c", "camera.json", "--depth", "-5,5", "--keep-all"];
+    for (example, words, named) in [
+        ("prune.py", &unknown[..], "--keep-all"),
+        ("beads", &["img_beads.tif", "img_bg.tif"], "img_beads.tif: no such file"),
+        ("beads", &["img_beads.tif"], "IMG_BEADS IMG_BG [OUT]"),
+    ] {
+        let Some(mut python) = python(&["numpy", "PIL"]) else { return };
+        let output = python.arg(format!("../examples/{example}")).args(words).output().unwrap();
+        let text = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert_eq!(output.status.code(), Some(2), "{text}");
+        assert!(
+            text.starts_with(&format!("{example}: ")) && text.contains(named) && text.lines().count() == 1,
+            "{text}"
+        );
+    }
 }
 
 /// A refocused volume has light at the particles, smeared along the rays.
