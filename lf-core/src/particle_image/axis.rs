@@ -1,6 +1,7 @@
 //! A lenslet along one axis: its pixels, and the places of their edges on the stop.
 
 use super::place::Place;
+use super::sensor_blur::REACH;
 
 /// A lenslet along one axis: pixels are at `zero - slope u`.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -15,6 +16,9 @@ pub(super) struct Axis {
     /// Pixels a side of the sensor.
     pub(super) pixels: usize,
 }
+
+/// Rays through the stop that meet the array within this share of the spot end at one place.
+const SMALL: f64 = 1e-6;
 
 impl Axis {
     /// First and end pixel that can be lit, for light within `reach` of the lenslet's centre, and `beside_px` pixels on
@@ -33,6 +37,27 @@ impl Axis {
         let (a, b) = (self.zero - self.slope * low, self.zero - self.slope * high);
         let first = (a.min(b) - beside_px).floor().max(0.0) as i64;
         let end = (a.max(b) + beside_px).ceil().clamp(0.0, self.pixels as f64) as i64;
+        (first < end).then_some((first, end))
+    }
+
+    /// Like [`Self::lit`] for a blurred image: light within `corner` of the lenslet's centre, before a spot and a blur of
+    /// these standard deviations, mm on the array and px, widen it together. The stop's ends are blurred alone.
+    #[inline(always)]
+    pub(super) fn lit_blurred(
+        &self,
+        (alpha, half, reach): (f64, f64, f64),
+        corner: f64,
+        spot: f64,
+        blur_px: f64,
+    ) -> Option<(i64, i64)> {
+        let (first, end) = self.lit(alpha, half, reach, REACH * blur_px)?;
+        if alpha.abs() * half < SMALL * spot {
+            return Some((first, end));
+        }
+        let per_mm = (self.slope / alpha).abs();
+        let middle = self.zero + self.slope * self.chief / alpha;
+        let beside = corner * per_mm + REACH * (spot * per_mm).hypot(blur_px);
+        let (first, end) = (first.max((middle - beside).floor() as i64), end.min((middle + beside).ceil() as i64));
         (first < end).then_some((first, end))
     }
 

@@ -56,8 +56,12 @@ impl<T: Listed> LensletImage<'_, T> {
     ) -> Option<Patch> {
         let half = self.view.optics.half_aperture_mm;
         let (axes, alpha) = self.axes(line);
-        let (left, right) = axes[0].lit(alpha.x, half, self.reach_mm.x, blur.reach_px())?;
-        let (top, bottom) = axes[1].lit(alpha.y, half, self.reach_mm.y, blur.reach_px())?;
+        let corner = self.view.corner + self.beam.most_bend_mm;
+        let lit = |n: usize| {
+            let ends = (alpha[n], half, self.reach_mm[n]);
+            axes[n].lit_blurred(ends, corner[n], self.spot_mm, blur.sigma_px)
+        };
+        let ((left, right), (top, bottom)) = (lit(0)?, lit(1)?);
 
         // Widen the spot by the blur under this lenslet.
         let px_by_stop = (axes[0].slope.abs() + axes[1].slope.abs()) / 2.0;

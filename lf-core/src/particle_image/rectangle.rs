@@ -31,8 +31,14 @@ impl Share {
         let half = image.view.optics.half_aperture_mm;
         let reach = image.view.corner + REACH_SIGMA * image.spot_mm + image.beam.most_bend_mm;
         let blur = image.view.blur.as_ref();
-        let beside_px = blur.map_or(0.0, |blur| blur.reach_px());
-        (self.first, self.end) = axis.lit(alpha, half, reach[n], beside_px).unwrap_or((0, 0));
+        let lit = match blur {
+            Some(blur) => {
+                let corner = image.view.corner[n] + image.beam.most_bend_mm;
+                axis.lit_blurred((alpha, half, reach[n]), corner, image.spot_mm, blur.sigma_px)
+            }
+            None => axis.lit(alpha, half, reach[n], 0.0),
+        };
+        (self.first, self.end) = lit.unwrap_or((0, 0));
         self.edges.clear();
         self.factors.clear();
         if self.first == self.end {

@@ -68,6 +68,11 @@ impl ParticleImage {
         Self::render(cameras, particle, window, scratch, Quantities::Places)
     }
 
+    /// Renders the light of a particle, without derivatives: half the work.
+    pub(crate) fn light(cameras: &Cameras, particle: &Particle, window: &Window, scratch: &mut Scratch) -> Self {
+        Self::render(cameras, particle, window, scratch, Quantities::Light)
+    }
+
     /// Renders some quantities of a particle in each camera.
     pub(crate) fn render(
         cameras: &Cameras,

@@ -2,7 +2,7 @@
 //! fit of the particles within a lenslet, and kept if -2 log L falls by enough.
 
 use super::tile_fit::{Equations, Member, TileFit};
-use crate::model::particle_image::{COUNTS, ParticleImage, Quantities};
+use crate::model::particle_image::{COUNTS, ParticleImage};
 use crate::particle::Particle;
 use crate::solve::covariance::Prior;
 use crate::solve::joint::{Fitted, StopRule};
@@ -260,7 +260,7 @@ impl TileFit<'_, '_> {
                 continue;
             }
             let particle = Particle { light: criteria.usual_light, ..*particle };
-            let image = ParticleImage::new(self.cameras, &particle, self.window, &mut self.buffers.scratch);
+            let image = ParticleImage::light(self.cameras, &particle, self.window, &mut self.buffers.scratch);
             let (score, factor) = self.filter(&image);
             if score > criteria.gain && factor > FAINT {
                 asked.push((score, Particle { light: factor.min(BRIGHTEST_NEW) * criteria.usual_light, ..particle }));
@@ -347,8 +347,7 @@ impl TileFit<'_, '_> {
                 for x in SCAN_ASIDE {
                     let [x0, y0, z0] = particle.place_mm;
                     let there = Particle { place_mm: [x0 + px * x, y0 + px * y, z0 + px * z], ..particle };
-                    let (scratch, light) = (&mut self.buffers.scratch, Quantities::Light);
-                    let image = ParticleImage::render(self.cameras, &there, self.window, scratch, light);
+                    let image = ParticleImage::light(self.cameras, &there, self.window, &mut self.buffers.scratch);
                     let level = self.cameras.deviance(self.window, std::iter::once(&image), self.buffers);
                     tried.push((level, [x, y, z], there));
                 }

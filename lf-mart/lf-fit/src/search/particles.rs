@@ -8,7 +8,7 @@ use crate::model::window::Window;
 use crate::particle::Particle;
 use crate::solve::joint::StopRule;
 use lf_core::Refusal;
-use lf_core::particle_image::ParticleModel;
+use lf_core::particle_image::{ParticleModel, Scratch};
 use lf_core::statistics::upper_median;
 use rayon::prelude::*;
 
@@ -132,7 +132,7 @@ impl<'a> Particles<'a> {
                     let mut window = Window::cut(&self.cameras.views, rectangles);
                     window.light.fill(0.0);
                     for n in *members {
-                        let image = ParticleImage::new(&self.cameras, &self.list[*n], &window, &mut buffers.scratch);
+                        let image = ParticleImage::light(&self.cameras, &self.list[*n], &window, &mut buffers.scratch);
                         image.add_to(&mut window.light, window.columns, 1.0);
                     }
                     window
@@ -208,7 +208,7 @@ impl<'a> Particles<'a> {
     pub(crate) fn sweep(&mut self, rule: StopRule) -> f64 {
         let mut total = 0.0;
         let work = |own: &Self, window: &mut Window, _: &Tile, members: Members, buffers: &mut FitBuffers| {
-            let (particles, images) = own.rendered(members, window, buffers);
+            let (particles, images) = own.rendered(members, window, buffers, ParticleImage::new);
             images.iter().for_each(|image| image.add_to(&mut window.light, window.columns, -1.0));
             let before = own.cameras.deviance(window, images.iter(), buffers);
             let rule = rule.times(particles.len());
@@ -233,9 +233,10 @@ impl<'a> Particles<'a> {
         members: Members,
         window: &Window,
         buffers: &mut FitBuffers,
+        render: impl Fn(&Cameras, &Particle, &Window, &mut Scratch) -> ParticleImage,
     ) -> (Vec<Particle>, Vec<ParticleImage>) {
         let particles: Vec<Particle> = members.own().iter().map(|n| self.list[*n]).collect();
-        let image = |particle| ParticleImage::new(&self.cameras, particle, window, &mut buffers.scratch);
+        let image = |particle| render(&self.cameras, particle, window, &mut buffers.scratch);
         let images = particles.iter().map(image).collect();
         (particles, images)
     }
@@ -245,7 +246,7 @@ impl<'a> Particles<'a> {
         let floor = |view: &CameraView| view.noise.read_variance.sqrt().max(view.noise.gain) as f32;
         let floors: Vec<f32> = self.cameras.views.iter().map(floor).collect();
         let work = |own: &Self, window: &mut Window, _: &Tile, members: Members, buffers: &mut FitBuffers| {
-            let (mut particles, mut images) = own.rendered(members, window, buffers);
+            let (mut particles, mut images) = own.rendered(members, window, buffers, ParticleImage::light);
             for _ in 0..rounds {
                 let ratio = |(n, (seen, light)): (usize, (&f32, &f32))| {
                     let floor = floors[window.camera_of(n)];

@@ -29,7 +29,7 @@ const SAMPLE: f64 = 200.0;
 const SAMPLE_PX: f64 = 200.0;
 /// The sample is this much larger where parameters of the camera are fitted: some show over the frame only.
 const WIDE: f64 = 3.0;
-/// Half the distance of the shapes whose lights give the slopes by a camera's parameter, pixels.
+/// Distance of the shapes whose lights give the slopes by a camera's parameter, pixels.
 const SLOPE_PX: f64 = 0.015;
 /// The shape's fit leaves out pixels where the light of particles near focus exceeds this share of the noise, and those
 /// where the image differs by more than this number of standard deviations: particles may be missing there.
@@ -97,7 +97,7 @@ impl<'a> Sample<'a> {
         let mut stray = vec![0f32; window.seen.len()];
         let mut scratch = Scratch::default();
         for particle in &held {
-            let image = ParticleImage::new(&own, particle, &window, &mut scratch);
+            let image = ParticleImage::light(&own, particle, &window, &mut scratch);
             image.add_to(&mut stray, window.columns, 1.0);
         }
 
@@ -175,15 +175,15 @@ impl<'a> Sample<'a> {
                 images.push(image);
             }
         }
+        let mut now = vec![0f32; self.window.seen.len()];
+        images.iter().for_each(|image| image.add_to(&mut now, self.window.columns, 1.0));
         for k in (ANALYTIC..SHAPES).filter(|k| self.free.lens[k - ANALYTIC]) {
-            for sign in [-1.0, 1.0] {
-                let (view, mut step) = (cameras.first(), [0.0; SHAPES]);
-                step[k] = sign * SLOPE_PX;
-                let moved = Cameras { views: vec![view.reshaped(view.shape.moved(step), view.depth_mm)?] };
-                let light = self.light(&moved);
-                let scale = (0.5 * sign / SLOPE_PX) as f32;
-                by_shape.iter_mut().zip(&light).for_each(|(slopes, light)| slopes[k] += scale * light);
-            }
+            let (view, mut step) = (cameras.first(), [0.0; SHAPES]);
+            step[k] = SLOPE_PX;
+            let moved = Cameras { views: vec![view.reshaped(view.shape.moved(step), view.depth_mm)?] };
+            let slope = |(then, now): (f32, &f32)| (then - now) / SLOPE_PX as f32;
+            let slopes = self.light(&moved).into_iter().zip(&now).map(slope);
+            by_shape.iter_mut().zip(slopes).for_each(|(slopes, slope)| slopes[k] = slope);
         }
         let deviance = cameras.deviance(&self.window, images.iter(), buffers);
         Ok(State { images, by_shape, deviance })
@@ -192,7 +192,7 @@ impl<'a> Sample<'a> {
     /// The light of the particles in the window.
     fn light(&self, cameras: &Cameras) -> Vec<f32> {
         let mut light = vec![0f32; self.window.seen.len()];
-        let render = |scratch: &mut _, particle: &_| ParticleImage::new(cameras, particle, &self.window, scratch);
+        let render = |scratch: &mut _, particle: &_| ParticleImage::light(cameras, particle, &self.window, scratch);
         for particles in self.particles.chunks(AT_ONCE) {
             let images: Vec<ParticleImage> = particles.par_iter().map_init(Scratch::default, render).collect();
             images.iter().for_each(|image| image.add_to(&mut light, self.window.columns, 1.0));
