@@ -96,6 +96,27 @@ impl Fold {
         self
     }
 
+    /// Light of which blind pixels take their share: an image may be blind to a part of every lenslet.
+    fn where_seen(mut self, image: ArrayView2<f32>, optics: &Optics) -> Self {
+        if !image.iter().any(|value| value.is_nan()) {
+            return self;
+        }
+        let (mut seen, mut all) = (Self::new(), Self::new());
+        let gain = array_to_sensor(optics);
+        for row in (0..image.nrows()).filter(|row| is_examined(image, *row)) {
+            for (column, value) in image.row(row).iter().enumerate() {
+                let turns = optics.lattice().turns(optics.centre_mm(column as u32, row as u32) / gain);
+                all.add(1.0, turns);
+                seen.add(if value.is_nan() { 0.0 } else { 1.0 }, turns);
+            }
+        }
+        for (light, (seen, all)) in self.bins.iter_mut().zip(seen.bins.iter().zip(&all.bins)) {
+            *light *= if *all > 0.0 { seen / all } else { 1.0 };
+        }
+        self.light = self.bins.iter().sum();
+        self
+    }
+
     /// Each bin over the mean, less one.
     fn departures(&self) -> Vec<f64> {
         let mean = self.light / (BINS * BINS) as f64;
@@ -135,7 +156,7 @@ impl LatticeLight {
         if whole.light <= 0.0 {
             return None;
         }
-        let pattern = predicted(&optics).departures();
+        let pattern = predicted(&optics).where_seen(image, &optics).departures();
         let variance = pattern.iter().map(|value| value * value).sum::<f64>() / pattern.len() as f64;
         let spread = whole.light.powi(2) / blocks.iter().map(|block| block.light.powi(2)).sum::<f64>();
         if variance < MIN_VARIANCE || spread < MIN_BLOCKS {
@@ -180,15 +201,19 @@ fn array_to_sensor(optics: &Optics) -> f64 {
     optics.sensor_through(DVec2::Y, DVec2::Y, DVec2::ZERO).y
 }
 
+/// Whether a row is one of those that are examined.
+fn is_examined(image: ArrayView2<f32>, row: usize) -> bool {
+    let share = PIXELS as f64 / image.len() as f64;
+    share >= 1.0 || (row as f64 * 0.618_034).fract() < share
+}
+
 /// The light of each block of a frame's lit part.
 fn folds(image: ArrayView2<f32>, optics: &Optics, tones: &Tones) -> Vec<Fold> {
     let (least, most) = ((DARKEST * tones.light) as f32, tones.light as f32);
     let light = |value: f32| if value >= least && value > 0.0 { f64::from(value.min(most)) } else { 0.0 };
-    let share = PIXELS as f64 / image.len() as f64;
-    let is_seen = |row: usize| share >= 1.0 || (row as f64 * 0.618_034).fract() < share;
     let line = |row: usize| image.row(row).iter().map(|value| light(*value)).collect::<Vec<f64>>();
     let lines: Vec<(usize, Vec<f64>)> =
-        (0..image.nrows()).into_par_iter().filter(|row| is_seen(*row)).map(|row| (row, line(row))).collect();
+        (0..image.nrows()).into_par_iter().filter(|row| is_examined(image, *row)).map(|row| (row, line(row))).collect();
     let mut columns = vec![0.0; image.ncols()];
     lines.iter().for_each(|(_, line)| columns.iter_mut().zip(line).for_each(|(sum, light)| *sum += light));
     let rows: Vec<f64> = lines.iter().map(|(_, line)| line.iter().sum()).collect();
@@ -278,6 +303,21 @@ mod tests {
             let centre = optics.lattice().nearest_centre_mm(place);
             if optics.passes((1.0 + k) / k * (place - centre)) { 100.0 } else { 0.0 }
         })
+    }
+
+    /// Scar: a frame that sees the left half of every lenslet passed for one whose lattice has moved.
+    #[test]
+    fn half_blind_lenslets_follow_their_camera() {
+        let camera = seed(30, Aperture::Circle, Layout::Hexagonal, 0.003);
+        let (optics, mut image) = (Optics::new(&camera), white(&camera));
+        for ((row, column), value) in image.indexed_iter_mut() {
+            let place = optics.centre_mm(column as u32, row as u32) / (1.0 + camera.demagnification());
+            if place.x > optics.lattice().nearest_centre_mm(place).x {
+                *value = f32::NAN;
+            }
+        }
+        let light = LatticeLight::new(image.view(), &camera, &Tones::new(image.view())).expect("light");
+        assert!(light.follows() == Follows::Camera && (light.share - 1.0).abs() < 0.1, "{light:?}");
     }
 
     #[test]

@@ -1,5 +1,6 @@
 //! A lenslet along one axis: its pixels, and the places of their edges on the stop.
 
+use super::cell_surface::REACH_SIGMA;
 use super::place::Place;
 use super::sensor_blur::REACH;
 
@@ -56,7 +57,7 @@ impl Axis {
         }
         let per_mm = (self.slope / alpha).abs();
         let middle = self.zero + self.slope * self.chief / alpha;
-        let beside = corner * per_mm + REACH * (spot * per_mm).hypot(blur_px);
+        let beside = corner * per_mm + (REACH_SIGMA * spot * per_mm).hypot(REACH * blur_px);
         let (first, end) = (first.max((middle - beside).floor() as i64), end.min((middle + beside).ceil() as i64));
         (first < end).then_some((first, end))
     }

@@ -28,7 +28,7 @@ pub(super) struct Widened {
     pub(super) has_pixel: bool,
 }
 
-/// Light farther from a sharp image than this many standard deviations of what blurs it is left out: 0.1 % on a side.
+/// Light farther from the sharp image than this many standard deviations of the blur is left out: 0.1 % on a side.
 pub(super) const REACH: f64 = 3.0;
 /// Variance of a pixel, px^2.
 pub(super) const PIXEL_VARIANCE: f64 = 1.0 / 12.0;

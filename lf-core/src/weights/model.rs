@@ -65,8 +65,11 @@ pub fn check_depth_mm(camera: &Camera, z_mm: f64) -> Result<(), Refusal> {
         return refusal(format!("is not before the window, which is at {} mm", medium.window_z_mm));
     }
     let lens_mm = camera.object_distance_mm();
-    if z_mm >= 0.9 * lens_mm || Optics::new(camera).alpha(z_mm) > 0.5 {
+    if z_mm >= 0.9 * lens_mm {
         return refusal(format!("is too near the main lens, which stands {lens_mm:.1} mm before the focal plane"));
+    }
+    if Optics::new(camera).alpha(z_mm) > 0.5 {
+        return refusal("is too far from focus: light from there covers half the width of the stop".into());
     }
     Ok(())
 }
