@@ -2,7 +2,7 @@
 
 use super::{
     depth, displacement, divergence, elongation, ensemble, export, info, particles, precision, quality, report,
-    self_check, split,
+    score, self_check, split,
 };
 use clap::{Parser, Subcommand};
 use lf_core::cli::{Common, MemoryLimit};
@@ -45,6 +45,7 @@ pub enum Command {
     Divergence(divergence::DivergenceArguments),
     Ensemble(ensemble::EnsembleArguments),
     Precision(precision::PrecisionArguments),
+    Score(score::ScoreArguments),
     Split(split::SplitArguments),
     #[command(name = "self")]
     SelfCheck(self_check::SelfArguments),
