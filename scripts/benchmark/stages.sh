@@ -27,3 +27,10 @@ pairs() { # PREFIX ENDING: what lf-xcorr takes of the frames, pair after pair
 table() { # all frames' particles in one table
     cat found-*.csv | awk '/^[0-9]/ || !seen[$0]++' > particles.csv
 }
+
+by_particles() { # the field and the tracks from the particles of all frames
+    lf-xcorr $(pairs found csv) --tracks pairs.csv --threads 1 -o field.exr
+    # Pair n has the frames 2 n and 2 n + 1.
+    awk -F, -v OFS=, '/^[0-9]/ { $1 = int($1 / 2) + $1 % 2 } { print }' pairs.csv > tracks.csv
+    rm found-*.csv pairs.csv
+}

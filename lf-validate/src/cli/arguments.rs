@@ -1,8 +1,8 @@
 //! The subcommands, and the options that all of them share.
 
 use super::{
-    depth, displacement, divergence, elongation, ensemble, export, info, particles, precision, quality, report,
-    score, self_check, split,
+    depth, displacement, divergence, elongation, ensemble, export, info, particles, precision, quality, report, score,
+    self_check, split,
 };
 use clap::{Parser, Subcommand};
 use lf_core::cli::{Common, MemoryLimit};

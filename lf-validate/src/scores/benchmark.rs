@@ -45,7 +45,8 @@ const SIGMA_OF_MEDIAN: f64 = 1.4826;
 /// the median of the absolute values. None without a match where there is a bound.
 pub fn over_bound(truth: &[Particle], found: &[Particle], box_mm: [f64; 3], bound: &Bound) -> [Option<f64>; 3] {
     let pairs = matches(truth, found, box_mm);
-    let nearest = |z: f64| (0..bound.z_mm.len()).min_by(|a, b| (bound.z_mm[*a] - z).abs().total_cmp(&(bound.z_mm[*b] - z).abs()));
+    let nearest =
+        |z: f64| (0..bound.z_mm.len()).min_by(|a, b| (bound.z_mm[*a] - z).abs().total_cmp(&(bound.z_mm[*b] - z).abs()));
     [0, 1, 2].map(|axis| {
         let std = [&bound.sx_mm, &bound.sy_mm, &bound.sz_mm][axis];
         let ratio = |(t, n): &(usize, usize)| {
@@ -120,7 +121,8 @@ pub fn tracks(truth: &[Particle], found: &[Particle], box_mm: [f64; 3], pixel_mm
 /// Sides of cubes that are tried, in the field's longest extent.
 const SIDES: usize = 24;
 /// Places and weights of a Gaussian quadrature along a side of 1.
-const QUADRATURE: [(f64, f64); 3] = [(-0.387_298_334_620_741_7, 5.0 / 18.0), (0.0, 8.0 / 18.0), (0.387_298_334_620_741_7, 5.0 / 18.0)];
+const QUADRATURE: [(f64, f64); 3] =
+    [(-0.387_298_334_620_741_7, 5.0 / 18.0), (0.0, 8.0 / 18.0), (0.387_298_334_620_741_7, 5.0 / 18.0)];
 /// A flow whose means over all cubes are as near to the field as this, relatively, says nothing of resolution.
 const ALIKE: f64 = 1e-3;
 
