@@ -33,11 +33,11 @@ fn case(bench: &Workbench) {
     let bound = json!({"by_depth": {"z_mm": [0, 2], "sx_mm": std, "sy_mm": std, "sz_mm": [null, 2.0 * PIXEL]}});
     bench.write("case/truth/bound.json", bound.to_string());
     let places = [[0.0, 0.0, 0.5], [1.0, 0.5, 2.0], [2.0, 1.0, 1.0]];
-    let rows: Vec<_> = places
-        .into_iter()
-        .zip(0..)
-        .flat_map(|([x, y, z], id)| [(0, id, [x, y, z]), (1, id, [x + 0.02 * z, y + 0.04, z])]);
-    bench.write("case/truth/particles.csv", table(&rows.collect::<Vec<_>>()));
+    let mut rows = Vec::new();
+    for ([x, y, z], id) in places.into_iter().zip(0..) {
+        rows.extend([(0, id, [x, y, z]), (1, id, [x + 0.02 * z, y + 0.04, z])]);
+    }
+    bench.write("case/truth/particles.csv", table(&rows));
 }
 
 fn near(found: &Value, wanted: f64) -> bool {
