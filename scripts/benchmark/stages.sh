@@ -3,7 +3,7 @@ set -euo pipefail
 export LF_HISTORY=off
 
 seen() { # N: the words of frame N for a reconstruction
-    echo "-i $ENTRANT/frame-$(printf %04d "$1").exr -c $CAMERA -b $ENTRANT/dark.exr --threads 1 -q"
+    echo "-i $ENTRANT/frame-$(printf %04d "$1").exr -c $CAMERA -b $ENTRANT/dark.exr --threads 1"
 }
 
 prune() { # N [OPTION...]: the voxels of frame N that may hold light, to standard output

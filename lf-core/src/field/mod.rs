@@ -1,6 +1,6 @@
 //! Vector fields: EXR, `.vti`, NetCDF, `.csv`.
 //!
-//! In: the bytes of an EXR field. Out: a [`Field`], and files in any of these formats.
+//! In: the bytes of an EXR or NetCDF field. Out: a [`Field`], and files in any of these formats.
 //! Open first: `vectors.rs`, then `vector_grid.rs` for what else the EXR holds.
 //!
 //! **EXR** is the format that stages exchange. It has one part with the `f32` channels
@@ -23,8 +23,8 @@
 //!
 //! **`.nc`** is NetCDF for xarray and other readers of the CF conventions. It is read too, in the classic format and
 //! without the dimension t, also from other programs. The others are only written: **`.vti`** is VTK image data for
-//! ParaView, **`.csv`** is text for a spreadsheet. They also hold the velocity, mm/s, if the time between the volumes is
-//! known.
+//! ParaView, **`.csv`** is text for a spreadsheet. They also hold the velocity, mm/s, if the time between the volumes
+//! is known.
 
 mod cut;
 mod export;

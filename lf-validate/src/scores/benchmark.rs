@@ -1,4 +1,4 @@
-//! What a benchmark asks beside the scores of particles and fields: tracks, errors over the bound, resolution.
+//! Scores that a benchmark asks beside the scores of particles and fields: tracks, errors over the bound, resolution.
 
 use super::displacement::TrueDisplacement;
 use super::distribution::ErrorSpread;
@@ -30,11 +30,11 @@ pub fn apart(particles: &[Particle]) -> Vec<Particle> {
 pub struct Bound {
     /// Middles of slabs of equal depth, mm, rising.
     pub z_mm: Vec<f64>,
-    /// Of x, mm; None where the image does not determine it.
+    /// The deviation of x, mm; None where the image does not determine it.
     pub sx_mm: Vec<Option<f64>>,
-    /// Of y, mm.
+    /// The deviation of y, mm.
     pub sy_mm: Vec<Option<f64>>,
-    /// Of z, mm.
+    /// The deviation of z, mm.
     pub sz_mm: Vec<Option<f64>>,
 }
 
@@ -179,7 +179,7 @@ mod tests {
         assert_eq!(z, None);
     }
 
-    /// Of three true steps one is found, one is a wrong link, one is missed.
+    /// Three true steps: one is found, one is a wrong link, one is missed.
     #[test]
     fn a_step_needs_both_ends() {
         let step = |id: u64, from: f64, by: f64| [at(0, id, [from, 0.0, 0.0]), at(1, id, [from + by, 0.0, 0.0])];
