@@ -218,6 +218,48 @@ fn an_invalid_field_is_not_written() {
     field().save(Path::new("/dev/null")).unwrap();
 }
 
+/// `from` is replaced by `to`, of the same length.
+fn replaced(mut bytes: Vec<u8>, from: &str, to: &str) -> Vec<u8> {
+    let at = bytes.windows(from.len()).position(|part| part == from.as_bytes()).unwrap();
+    bytes[at..at + from.len()].copy_from_slice(to.as_bytes());
+    bytes
+}
+
+#[test]
+fn a_netcdf_is_read_with_its_layout_or_without() {
+    let mut field = timed();
+    field.flag[7] = NO_DATA;
+    (field.u[7], field.v[7], field.w[7]) = (0.0, 0.0, 0.0);
+    let bytes = written(&field, "field.nc");
+    let whole = Field::from_bytes(&bytes, "field").unwrap();
+    assert_eq!((bits(&whole), &whole.layout), (bits(&field), &field.layout));
+    // Another program knows no attribute lf_field.
+    let other = Field::from_bytes(&replaced(bytes, "lf_field", "no_field"), "field").unwrap();
+    assert_eq!((bits(&other), other.layout.shape), (bits(&field), field.layout.shape));
+    for axis in 0..3 {
+        assert!((other.layout.origin_mm[axis] - field.layout.origin_mm[axis]).abs() < 1e-12);
+        assert!((other.layout.spacing_mm[axis] - field.layout.spacing_mm[axis]).abs() < 1e-12);
+    }
+    assert_eq!(other.layout.voxel_mm, [0.0; 3]);
+}
+
+#[test]
+fn a_netcdf_that_is_no_field_is_refused() {
+    let bytes = written(&field(), "field.nc");
+    let axis = replaced(bytes.clone(), "axis", "lost");
+    assert!(Field::from_bytes(&axis, "field").is_ok());
+    for (wrong, message) in [
+        (bytes[..bytes.len() - 1].to_vec(), "cut short"),
+        (bytes[..40].to_vec(), "cut short"),
+        (b"\x89HDF\r\n\x1a\n".to_vec(), "NetCDF-4, which is HDF5"),
+        (replaced(bytes.clone(), "CDF\x02", "CDF\x05"), "another version"),
+        (replaced(bytes, "\x00\x00\x00\x01u\x00\x00\x00", "\x00\x00\x00\x01q\x00\x00\x00"), "without u"),
+    ] {
+        let found = refusal(&wrong);
+        assert!(found.contains(message) && found.contains("wanted NetCDF"), "{found}");
+    }
+}
+
 #[test]
 fn a_csv_has_units_and_every_bit() {
     let field = field();

@@ -4,5 +4,6 @@ mod cli;
 mod ensemble;
 mod export;
 mod report;
+mod score;
 mod volumes;
 mod workbench;

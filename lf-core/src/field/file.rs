@@ -1,6 +1,7 @@
 //! A field from and to a file.
 
 use super::export::{Array, write_cf, write_csv, write_vti};
+use super::netcdf;
 use super::vector_grid::{CHANNELS, COUNT, VectorGrid};
 use super::vectors::Field;
 use crate::image::{exr, guarded};
@@ -22,13 +23,14 @@ impl VectorGrid {
 }
 
 impl Field {
-    /// Reads an EXR field; `-` is standard input.
+    /// Reads a field, EXR or NetCDF; `-` is standard input.
     pub fn open(path: &Path) -> Result<Self> {
         Self::from_bytes(&io::open(path)?, &io::name(path))
     }
 
-    /// Reads an EXR field from memory; `name` stands for it in messages.
+    /// Reads a field, EXR or NetCDF, from memory; `name` stands for it in messages.
     pub fn from_bytes(bytes: &[u8], name: &str) -> Result<Self> {
+        let parse = if netcdf::is_netcdf(bytes) { netcdf::parse } else { parse };
         guarded(|| parse(bytes)).map_err(|refusal| refusal.about(name))
     }
 

@@ -1,6 +1,6 @@
 //! Vector fields: EXR, `.vti`, NetCDF, `.csv`.
 //!
-//! In: the bytes of an EXR field. Out: a [`Field`], and files in any of these formats.
+//! In: the bytes of an EXR or NetCDF field. Out: a [`Field`], and files in any of these formats.
 //! Open first: `vectors.rs`, then `vector_grid.rs` for what else the EXR holds.
 //!
 //! **EXR** is the format that stages exchange. It has one part with the `f32` channels
@@ -21,14 +21,16 @@
 //!
 //! A file may hold more channels, such as the vorticity: [`Field::save_with`] writes them and readers ignore them.
 //!
-//! The other formats are only written: **`.vti`** is VTK image data for ParaView, **`.nc`** is NetCDF for xarray and
-//! other readers of the CF conventions, **`.csv`** is text for a spreadsheet. Except for `.nc`, they also hold the
-//! velocity, mm/s, if the time between the volumes is known.
+//! **`.nc`** is NetCDF for xarray and other readers of the CF conventions. It is read too, in the classic format and
+//! without the dimension t, also from other programs. The others are only written: **`.vti`** is VTK image data for
+//! ParaView, **`.csv`** is text for a spreadsheet. They also hold the velocity, mm/s, if the time between the volumes
+//! is known.
 
 mod cut;
 mod export;
 mod file;
 mod interpolation;
+mod netcdf;
 mod vector_grid;
 mod vectors;
 

@@ -1,7 +1,7 @@
 //! The subcommands, and the options that all of them share.
 
 use super::{
-    depth, displacement, divergence, elongation, ensemble, export, info, particles, precision, quality, report,
+    depth, displacement, divergence, elongation, ensemble, export, info, particles, precision, quality, report, score,
     self_check, split,
 };
 use clap::{Parser, Subcommand};
@@ -45,6 +45,7 @@ pub enum Command {
     Divergence(divergence::DivergenceArguments),
     Ensemble(ensemble::EnsembleArguments),
     Precision(precision::PrecisionArguments),
+    Score(score::ScoreArguments),
     Split(split::SplitArguments),
     #[command(name = "self")]
     SelfCheck(self_check::SelfArguments),

@@ -20,8 +20,9 @@ use std::path::PathBuf;
 ///
 /// Numbers, for u, v and w, in mm, in vox (the voxels correlated) and, with --camera, in px of the
 /// focal plane
-///   bias, rms, std, median_abs
-///                   mean, RMS, standard deviation and median of the absolute value of the errors
+///   bias, rms, std, median_abs, p90
+///                   mean, RMS, standard deviation and median of the absolute value of the errors;
+///                   nine in ten absolute values are at most p90
 ///   vectors         vectors that are scored; with a particles.csv, particles
 ///   outliers        vectors more than 5 robust standard deviations and 0.1 voxel from the median
 ///                   error; all other numbers include them

@@ -18,6 +18,7 @@ mod precision;
 mod quality;
 mod report;
 mod run;
+mod score;
 mod self_check;
 mod split;
 

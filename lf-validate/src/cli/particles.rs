@@ -16,9 +16,9 @@ use std::path::{Path, PathBuf};
 ///   recall        share of the true particles that are found
 ///   ghosts        share of the found particles that match no true one
 ///   gain          median light of a found particle over the true one's
-///   rms, bias, median_abs
+///   rms, bias, median_abs, p90
 ///                 of the errors found - true along x, y and z, in mm and, with --camera, in px of
-///                 the focal plane
+///                 the focal plane; p90: nine in ten are at most this
 ///   rms_stated    RMS of the stated standard uncertainties
 ///   within_1, within_2
 ///                 shares of the errors within one and two stated standard uncertainties; 0.683 and

@@ -3,14 +3,14 @@
 use super::output::{Picture, print};
 use lf_core::cli::numbers;
 use lf_core::{Camera, Error, Result, Session, Verdict, io};
-use lf_validate::scores::precision::{Experiment, precision};
+use lf_validate::scores::precision::{Experiment, Noise, precision};
 use std::path::PathBuf;
 
 /// The bound of a camera's precision, to plan an experiment with
 ///
 /// The Cramer-Rao bound: no unbiased method has smaller standard deviations. Particles of one size
-/// and light lie at random places; place and light of all are unknown, and the noise is the same in
-/// all pixels.
+/// and light lie at random places; place and light of all are unknown. The noise is the same in all
+/// pixels, or with --light that of photons and reading.
 ///
 ///   by_depth  medians of the standard deviations of x, y and z of a particle, in ten slabs of equal
 ///             depth, at z_mm; px are pixels of the focal plane
@@ -34,6 +34,15 @@ pub struct PrecisionArguments {
     /// Standard deviation of a pixel's noise, as a share of the brightest pixel
     #[arg(long, value_name = "SHARE", default_value_t = 0.01)]
     noise: f64,
+    /// Counts of a particle in all pixels: noise of photons and reading in place of --noise
+    #[arg(long, value_name = "COUNTS", requires = "gain", conflicts_with = "noise")]
+    light: Option<f64>,
+    /// With --light: counts of an electron
+    #[arg(long, value_name = "COUNTS", requires = "light")]
+    gain: Option<f64>,
+    /// With --light: standard deviation of a pixel without light, counts
+    #[arg(long, value_name = "COUNTS", default_value_t = 1.0)]
+    read_noise: f64,
     /// Standard deviation of a particle, pixels at the focal plane
     #[arg(long, value_name = "PX", default_value_t = 0.75)]
     size: f64,
@@ -61,6 +70,9 @@ pub fn judge(arguments: &PrecisionArguments, session: &mut Session) -> Result<Ve
     for (option, value, least, most) in [
         ("--density", arguments.density, 1e-3, 10.0),
         ("--noise", arguments.noise, 1e-6, 1.0),
+        ("--light", arguments.light.unwrap_or(1.0), 1e-6, 1e12),
+        ("--gain", arguments.gain.unwrap_or(1.0), 1e-6, 1e6),
+        ("--read-noise", arguments.read_noise, 1e-3, 1e6),
         ("--size", arguments.size, 0.05, 10.0),
         ("--window-mm", window_mm, 1e-6, 1e6),
         ("--depth", high - low, 1e-6, 1e6),
@@ -71,7 +83,10 @@ pub fn judge(arguments: &PrecisionArguments, session: &mut Session) -> Result<Ve
     }
     let experiment = Experiment {
         per_lenslet: arguments.density,
-        noise: arguments.noise,
+        noise: match (arguments.light, arguments.gain) {
+            (Some(light), Some(gain)) => Noise::Counts { light, gain, read: arguments.read_noise },
+            _ => Noise::Share(arguments.noise),
+        },
         sigma_px: arguments.size,
         depth_mm: arguments.depth,
         window_mm,

@@ -3,7 +3,7 @@
 use super::arguments::{Arguments, Command};
 use super::{
     depth, displacement, divergence, elongation, ensemble, export, info, output, particles, precision, quality, report,
-    self_check, split,
+    score, self_check, split,
 };
 use lf_core::cli;
 use std::process::ExitCode;
@@ -25,6 +25,7 @@ pub fn run() -> ExitCode {
                 Command::Divergence(arguments) => divergence::judge(arguments, session),
                 Command::Ensemble(arguments) => ensemble::average(arguments, limit, session),
                 Command::Precision(arguments) => precision::judge(arguments, session),
+                Command::Score(arguments) => score::judge(arguments, session),
                 Command::Split(arguments) => split::write(arguments, session),
                 Command::SelfCheck(arguments) => self_check::judge(arguments, session),
                 Command::Info(arguments) => info::describe(arguments, session),

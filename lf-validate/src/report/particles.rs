@@ -3,7 +3,7 @@
 use super::folder::spread;
 use super::html::Section;
 use super::source::Source;
-use crate::scores::precision::{Experiment, Precision, precision};
+use crate::scores::precision::{Experiment, Noise, Precision, precision};
 use lf_core::statistics::median;
 use lf_core::{Camera, Particle, particles};
 use lf_plot::{Axis, Chart, Mark, Panel};
@@ -101,7 +101,7 @@ fn density(camera: &Camera, particles: f64) -> f64 {
 fn bound(camera: &Camera, per_lenslet: f64, noise: f64, depth_mm: [f64; 2]) -> Option<Precision> {
     let experiment = Experiment {
         per_lenslet: per_lenslet.clamp(1e-3, 10.0),
-        noise: noise.min(1.0),
+        noise: Noise::Share(noise.min(1.0)),
         sigma_px: SIGMA_PX,
         depth_mm,
         window_mm: WINDOW_PX * camera.pixel_in_focus_mm(),

@@ -1,6 +1,6 @@
 //! How errors are distributed: their spread about zero, and their density in bins.
 
-use lf_core::statistics::median;
+use lf_core::statistics::{median, quantile};
 use serde::ser::SerializeMap;
 
 /// Root of the mean of `squares`. NaN without any.
@@ -20,12 +20,15 @@ pub(crate) struct ErrorSpread {
     pub std: f64,
     /// Median of the absolute values.
     pub median_abs: f64,
+    /// Nine in ten of the absolute values are at most this.
+    pub p90: f64,
 }
 
 impl ErrorSpread {
     /// Names and values of the numbers.
-    pub fn entries(&self) -> [(&'static str, f64); 4] {
-        [("bias", self.bias), ("rms", self.rms), ("std", self.std), ("median_abs", self.median_abs)]
+    pub fn entries(&self) -> [(&'static str, f64); 5] {
+        let Self { bias, rms, std, median_abs, p90 } = *self;
+        [("bias", bias), ("rms", rms), ("std", std), ("median_abs", median_abs), ("p90", p90)]
     }
 
     /// The bias is known before the standard deviation is summed.
@@ -34,7 +37,9 @@ impl ErrorSpread {
         let bias = errors.iter().sum::<f64>() / count;
         let std = (errors.iter().map(|e| (e - bias).powi(2)).sum::<f64>() / count).sqrt();
         let rms = (errors.iter().map(|e| e * e).sum::<f64>() / count).sqrt();
-        Self { bias, rms, std, median_abs: median(&mut errors.iter().map(|e| e.abs()).collect::<Vec<f64>>()) }
+        let mut sizes: Vec<f64> = errors.iter().map(|e| e.abs()).collect();
+        let [median_abs, p90] = [median(&mut sizes), quantile(&mut sizes, 0.9)];
+        Self { bias, rms, std, median_abs, p90 }
     }
 }
 
@@ -91,7 +96,8 @@ mod tests {
     #[test]
     fn spread_of_four_errors_by_hand() {
         let spread = ErrorSpread::of(&[1.0, -1.0, 3.0, 5.0]);
-        assert_eq!(spread, ErrorSpread { bias: 2.0, rms: 3.0, std: 5f64.sqrt(), median_abs: 2.0 });
+        assert_eq!(spread, ErrorSpread { bias: 2.0, rms: 3.0, std: 5f64.sqrt(), median_abs: 2.0, p90: spread.p90 });
+        assert!((spread.p90 - 4.4).abs() < 1e-12);
         assert!(ErrorSpread::of(&[]).rms.is_nan());
     }
 

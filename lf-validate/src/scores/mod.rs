@@ -2,6 +2,7 @@
 //! Out: one struct for each score, which serialises to the JSON that `lf-validate` prints.
 //! Open first: `quality/compare.rs`, the score of a volume, and `displacement/compare.rs`, the score of a field.
 
+pub mod benchmark;
 pub mod depth;
 pub mod displacement;
 mod distribution;

@@ -16,8 +16,8 @@ use std::collections::HashMap;
 pub struct Experiment {
     /// Particles for each lenslet that the lit volume covers at the focal plane.
     pub per_lenslet: f64,
-    /// Standard deviation of a pixel's noise, as a share of the brightest pixel.
-    pub noise: f64,
+    /// Noise of a pixel.
+    pub noise: Noise,
     /// Standard deviation of a particle, pixels at the focal plane.
     pub sigma_px: f64,
     /// First and last lit depth, mm.
@@ -26,6 +26,32 @@ pub struct Experiment {
     pub window_mm: f64,
     /// Seed of the random places.
     pub seed: u64,
+}
+
+/// Noise of the pixels.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Noise {
+    /// The standard deviation in all pixels, as a share of the brightest pixel.
+    Share(f64),
+    /// Photon and read noise.
+    Counts {
+        /// Counts of a particle in all pixels.
+        light: f64,
+        /// Counts of an electron.
+        gain: f64,
+        /// Standard deviation of a pixel without light, counts.
+        read: f64,
+    },
+}
+
+impl Noise {
+    /// Variance of a pixel, by the light of a particle, where the image has `light` of it and `brightest` at most.
+    fn variance(self, light: f64, brightest: f64) -> f64 {
+        match self {
+            Self::Share(share) => (share * brightest).powi(2),
+            Self::Counts { light: counts, gain, read } => gain * light / counts + (read / counts).powi(2),
+        }
+    }
 }
 
 /// The bound by depth. Pixels are those of the focal plane.
@@ -180,7 +206,11 @@ fn sample(
         })
         .collect();
     let brightest = light.iter().fold(0f64, |most, value| most.max(*value));
-    let variance = (experiment.noise * brightest).powi(2);
+    for (n, values) in members.iter_mut().flat_map(|member| &mut member.pixels) {
+        let here = light[[*n as usize / width, *n as usize % width]];
+        let std = experiment.noise.variance(here, brightest).sqrt();
+        values.iter_mut().for_each(|value| *value /= std);
+    }
     let is_near = |a: DVec3, b: DVec3| (a - b).truncate().abs().max_element() < rim;
     let bound = |(n, member): (usize, &Member)| {
         if !member.counts {
@@ -188,7 +218,7 @@ fn sample(
         }
         let is_other = |(m, other): &(usize, &Member)| *m != n && is_near(member.place, other.place);
         let others = members.iter().enumerate().filter(is_other).map(|(_, other)| &other.pixels);
-        covariance(&member.pixels, &others.collect::<Vec<_>>(), variance)
+        covariance(&member.pixels, &others.collect::<Vec<_>>(), 1.0)
     };
     let covariances: Vec<Option<DMat3>> = members.par_iter().enumerate().map(bound).collect();
     members.iter_mut().zip(covariances).for_each(|(member, covariance)| member.covariance = covariance);
@@ -343,6 +373,14 @@ mod tests {
         assert!(super::covariance(&alone[..3].to_vec(), &[], 4.0).is_none());
     }
 
+    #[test]
+    fn photons_and_reading_make_noise() {
+        assert_eq!(Noise::Share(0.5).variance(0.1, 4.0), 4.0);
+        // 400 counts of 1000 are 800 electrons, whose root is 14.1 counts; with 5 counts of reading 15 counts.
+        let noise = Noise::Counts { light: 1000.0, gain: 0.5, read: 5.0 };
+        assert!((noise.variance(0.4, 9.0) - 225e-6).abs() < 1e-12);
+    }
+
     /// By hand: pixels 0 and 1 depend on x, with the information 2. A neighbour that shares no pixel takes nothing from
     /// it. A neighbour whose x changes pixel 0 as much makes that pixel count half.
     #[test]
@@ -375,7 +413,7 @@ mod tests {
         };
         let experiment = Experiment {
             per_lenslet: 1.0,
-            noise: 0.01,
+            noise: Noise::Share(0.01),
             sigma_px: 0.75,
             depth_mm: [0.0, 10.0],
             window_mm: 1.0,

@@ -90,11 +90,13 @@ impl Serialize for Accuracy {
         map.serialize_entry("ghosts", &self.ghosts())?;
         for (axis, name) in AXES.iter().enumerate() {
             let errors: Vec<f64> = self.errors.iter().map(|(error, _)| error[axis]).collect();
-            let ErrorSpread { bias, rms, median_abs, .. } = ErrorSpread::of(&errors);
+            let ErrorSpread { bias, rms, median_abs, p90, .. } = ErrorSpread::of(&errors);
             let stated = root_mean(self.errors.iter().filter_map(|(_, std)| Some((*std)?[axis].powi(2))));
             let units = [("mm", Some(1.0)), ("px", self.pixel_mm)];
             for (unit, length_mm) in units.into_iter().filter_map(|(unit, length)| Some((unit, length?))) {
-                for (what, mm) in [("rms", rms), ("bias", bias), ("median_abs", median_abs), ("rms_stated", stated)] {
+                let numbers =
+                    [("rms", rms), ("bias", bias), ("median_abs", median_abs), ("p90", p90), ("rms_stated", stated)];
+                for (what, mm) in numbers {
                     map.serialize_entry(&format!("{what}_{name}_{unit}"), &(mm / length_mm))?;
                 }
             }
