@@ -72,7 +72,11 @@ pub(super) fn sections(
     let [measured, replaced, no_data] = motion.kinds;
     let total = (measured + replaced + no_data).max(1) as f64;
     let percent = |count: usize| format!("{:.1} %", 100.0 * count as f64 / total);
-    statistics.table(&["of measured vectors, mm", "mean", "standard deviation", "stated, RMS"], &motion.rows(pixel_mm), 1);
+    statistics.table(
+        &["of measured vectors, mm", "mean", "standard deviation", "stated, RMS"],
+        &motion.rows(pixel_mm),
+        1,
+    );
     statistics.chart(
         &motion.histograms(),
         "Measured vectors only. Fractions of a voxel are shown where displacements spread over voxels; peaks at whole \

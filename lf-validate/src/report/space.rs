@@ -59,11 +59,14 @@ pub(super) fn section(source: &dyn Source, folder: &RunFiles, camera: Option<&Ca
         shown.push(format!("{} of {} particles of {file}", chosen.len(), table.len()));
     }
     let data = serde_json::to_string(&space).ok().filter(|_| !shown.is_empty())?;
-    let mut section = Section::new("space", "Inside the volume");
+    let mut section = Section::new("inside", "Inside the volume");
     section.content += VIEW;
     section.content += &format!("<script type=\"application/json\" id=\"space-data\">{data}</script>\n");
-    section.content += &format!("<p class=\"soft\">Shown: {}. Replaced vectors are hollow. The farther, the fainter; \
-the scales of lengths hold across the line of sight, and depth has the larger errors.</p>\n", escape(&shown.join("; ")));
+    section.content += &format!(
+        "<p class=\"soft\">Shown: {}. Replaced vectors are hollow. The farther, the fainter; \
+the scales of lengths hold across the line of sight, and depth has the larger errors.</p>\n",
+        escape(&shown.join("; "))
+    );
     Some(section)
 }
 
@@ -90,7 +93,9 @@ impl Space {
         let mut stride = [1; 3];
         let apart = |stride: &[usize; 3], axis: usize| stride[axis] as f64 * layout.spacing_mm[axis];
         let kept = loop {
-            let on_stride = |n: &usize| [n % nx, n / nx % ny, n / nx / ny].iter().zip(stride).all(|(i, step)| i % step == 0);
+            let place = |n: &usize| [n % nx, n / nx % ny, n / nx / ny];
+            let first = [0, 1, 2].map(|axis| (layout.shape[axis] - 1) % stride[axis] / 2);
+            let on_stride = |n: &usize| (0..3).all(|axis| place(n)[axis] % stride[axis] == first[axis]);
             let kept: Vec<usize> = (0..field.len()).filter(on_stride).filter(|n| is_known(field, *n)).collect();
             let open = (0..3).filter(|axis| stride[*axis] < layout.shape[*axis]);
             match open.min_by(|a, b| apart(&stride, *a).total_cmp(&apart(&stride, *b))) {

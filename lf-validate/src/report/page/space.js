@@ -17,7 +17,7 @@
     const depth = +get("depth").value, round = Math.hypot(half[0], half[2] * depth);
     const [ct, st, cp, sp] = [Math.cos(turned), Math.sin(turned), Math.cos(tilted), Math.sin(tilted)];
     const high = half[1] * Math.abs(cp) + round * Math.abs(sp);
-    const scale = Math.min((width - 100) / (2 * round), (height - 150) / (2 * high)) * get("zoom").value;
+    const scale = Math.min((width - 130) / (2 * round), (height - 150) / (2 * high)) * get("zoom").value;
     const project = ([x, y, z]) => {
       const near = z * depth * ct - x * st;
       return [(x * ct + z * depth * st) * scale, (y * cp - near * sp) * scale, y * sp + near * cp];
