@@ -36,7 +36,7 @@ fn run(bench: &Workbench) {
     fs::write(bench.path("out/log/volume-a.txt"), log).unwrap();
 }
 
-/// What the page's script reads.
+/// A list that the page's script reads.
 fn data(page: &str, id: &str) -> Value {
     let text = page.split_once(&format!("id=\"{id}\">")).unwrap().1.split_once("</script>").unwrap().0;
     serde_json::from_str(text).unwrap()

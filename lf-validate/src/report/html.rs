@@ -39,8 +39,8 @@ impl Section {
         self.content += "</table></div>\n";
     }
 
-    /// Adds a chart with a line that explains it. Panels beside each other stack where the screen is narrow. A chart that
-    /// cannot be drawn is left out.
+    /// Adds a chart with a line that explains it. Panels beside each other stack where the screen is narrow. A chart
+    /// that cannot be drawn is left out.
     pub fn chart(&mut self, chart: &Chart, caption: &str) {
         let (title, caption) = (escape(&chart.title), escape(caption));
         let svg = |drawing: &Drawing, name: &str, style: &str| {

@@ -129,7 +129,7 @@ impl FieldStatistics {
     /// Mean, standard deviation and RMS stated uncertainty of each component, mm, and px if a pixel's side is known: a
     /// row of text each.
     pub fn rows(&self, pixel_mm: Option<f64>) -> Vec<Vec<String>> {
-        let text = |mm: f64| pixel_mm.map_or(format!("{mm:.5}"), |side| format!("{mm:.5} = {:.3}\u{a0}px", mm / side));
+        let text = |mm: f64| pixel_mm.map_or(format!("{mm:.5}"), |side| format!("{mm:.5} ({:.3}\u{a0}px)", mm / side));
         let row = |c: usize| {
             let [mean, spread] = self.mean_and_spread(c);
             let stated = self.stated_rms(c).map_or("-".into(), text);

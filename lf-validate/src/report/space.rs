@@ -12,13 +12,13 @@ const VIEW: &str = include_str!("page/space.html");
 const MOST_VECTORS: usize = 1500;
 const MOST_PARTICLES: usize = 3000;
 
-/// What the script draws. Places are mm, vectors have the unit.
+/// The data of the script. Places are mm, vectors have the unit.
 #[derive(Serialize)]
 struct Space {
     unit: &'static str,
     /// Displacement per frame interval, mm, of one unit.
     dt: f64,
-    /// The same in pixels at the focal plane.
+    /// That displacement in pixels at the focal plane.
     px: Option<f64>,
     #[serde(rename = "box")]
     bounds: [[f64; 2]; 3],
@@ -29,8 +29,8 @@ struct Space {
     particles: Vec<[f64; 3]>,
 }
 
-/// The section: the mean field or else the first one, and the particles of the first frame. None without both. Other
-/// sections name files that cannot be read.
+/// The section: the mean field or else the first one, and the particles of the first frame. None without both, or
+/// without a box. Other sections name files that cannot be read.
 pub(super) fn section(source: &dyn Source, folder: &RunFiles, camera: Option<&Camera>) -> Option<Section> {
     let mean = folder.mean.as_ref().filter(|_| folder.fields.len() != 1);
     let field = mean.or(folder.fields.first()).and_then(|file| Some((file, source.field(file).ok()?)));

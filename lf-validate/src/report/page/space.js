@@ -105,19 +105,19 @@
     }
   }
 
-  // The reference arrow at the left, the colours at the right.
+  // The reference arrow, and the colours above it at the right.
   function legend(width, height, length) {
     const side = Math.min(160, width / 3), left = width - side - 14;
-    arrow(pen, 14, height - 35, length, 0, LIGHT, LIGHT);
+    arrow(pen, 14, height - 32, length, 0, LIGHT, LIGHT);
     for (let x = 0; x < side; x++) {
       pen.fillStyle = colour(RISING, x / side);
-      pen.fillRect(left + x, height - 40, 1.5, 9);
+      pen.fillRect(left + x, height - 56, 1.5, 9);
     }
     pen.fillStyle = LIGHT;
     pen.textAlign = "left";
     pen.fillText(both(reference, data), 14, height - 15);
     pen.textAlign = "right";
-    pen.fillText("speed to " + short(most) + " " + data.unit, left + side, height - 15);
+    pen.fillText("speed to " + short(most) + " " + data.unit, left + side, height - 67);
   }
 
   function turn(right, down) {
