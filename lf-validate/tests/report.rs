@@ -1,14 +1,14 @@
 //! `lf-validate report`: what the page holds; its look is checked in a browser.
 
 use crate::workbench::{CAMERA, field, save_field, workbench};
-use lf_core::Grid;
 use lf_core::field::{NO_DATA, REPLACED};
 use lf_core::history::Step;
+use lf_core::{Grid, particles};
 use lf_tests::Workbench;
 use serde_json::Value;
 use std::fs;
 
-/// A folder of a run with two fields, a volume, its sweeps, a camera, stats and logs.
+/// A folder of a run with two fields, a volume, its sweeps, particles, a camera, stats and logs.
 fn run(bench: &Workbench) {
     fs::create_dir_all(bench.path("out/log")).unwrap();
     fs::write(bench.path("out/camera.json"), CAMERA).unwrap();
@@ -29,8 +29,17 @@ fn run(bench: &Workbench) {
     let stats = r#"{"tool": "lf-mart", "version": "1", "threads": 2, "seconds": 12.5, "phases": {"read": 1.5},
         "peak_bytes": 250000000, "counts": {}}"#;
     fs::write(bench.path("out/volume-a.stats.json"), stats).unwrap();
+    let rows: String = (0..3001).map(|n| format!("0,{n},0.123456,0,{},1\n", 1e-3 * f64::from(n))).collect();
+    let table = format!("{}\nframe,id,x_mm,y_mm,z_mm,intensity\n{rows}", particles::FRAME_LINE);
+    fs::write(bench.path("out/particles-a.csv"), table).unwrap();
     let log = "lf-mart: kept 3\nlf-mart: warning: <dark> frame\n";
     fs::write(bench.path("out/log/volume-a.txt"), log).unwrap();
+}
+
+/// A list that the page's script reads.
+fn data(page: &str, id: &str) -> Value {
+    let text = page.split_once(&format!("id=\"{id}\">")).unwrap().1.split_once("</script>").unwrap().0;
+    serde_json::from_str(text).unwrap()
 }
 
 #[test]
@@ -39,7 +48,7 @@ fn a_page_holds_the_run_and_nothing_from_elsewhere() {
     run(&bench);
     bench.done(&["report", "out", "-o", "page.html"]);
     let page = bench.text("page.html");
-    for anchor in ["field", "statistics", "reconstruction", "pruning", "camera", "stages", "commands"] {
+    for anchor in ["field", "inside", "statistics", "reconstruction", "pruning", "camera", "stages", "commands"] {
         assert!(page.contains(&format!("<section id=\"{anchor}\">")), "no section {anchor}");
     }
     assert!(page.contains("1 warning<") && page.contains("lf-mart: &lt;dark&gt; frame"), "the warning");
@@ -49,7 +58,7 @@ fn a_page_holds_the_run_and_nothing_from_elsewhere() {
     assert!(page.contains("lf-xcorr 1: &lt;/script&gt;&lt;b&gt;"), "the commands");
     let outside = page.replace("http://www.w3.org/2000/svg", "");
     assert!(!outside.contains("http:") && !outside.contains("https:") && !outside.contains("{{"), "links to elsewhere");
-    assert_eq!(page.matches("</script>").count(), 2, "nothing ends a script early");
+    assert_eq!(page.matches("</script>").count(), 3, "nothing ends a script early");
     // Two of three hundred and sixty vectors each: 240 places in two fields, two of each kind.
     assert!(page.contains("98.3 % measured, 0.8 % replaced, 0.8 % without data"), "the kinds of vectors");
 }
@@ -60,15 +69,35 @@ fn the_script_gets_every_vector() {
     run(&bench);
     bench.done(&["report", "out", "-o", "page.html"]);
     let page = bench.text("page.html");
-    let start = "id=\"fields-data\">";
-    let data = page.split_once(start).unwrap().1.split_once("</script>").unwrap().0;
-    let fields: Value = serde_json::from_str(data).unwrap();
+    let fields = data(&page, "fields-data");
     let names: Vec<&str> = fields.as_array().unwrap().iter().map(|field| field["name"].as_str().unwrap()).collect();
     assert_eq!(names, ["mean of all fields", "field-a-b.exr", "field-c-d.exr"]);
     assert_eq!(fields[0]["shape"], serde_json::json!([6, 5, 4]));
     // 120 numbers of two bytes as base64.
     assert_eq!(fields[1]["vector"][2]["data"].as_str().unwrap().len(), 320);
     assert_eq!(fields[1]["flags"].as_str().unwrap().len(), 160);
+}
+
+#[test]
+fn the_volume_holds_as_many_vectors_and_particles_as_the_page_says() {
+    let bench = workbench();
+    run(&bench);
+    bench.done(&["report", "out", "-o", "page.html"]);
+    let page = bench.text("page.html");
+    assert!(
+        page.contains("Shown: 119 of 119 vectors of mean.exr; 3000 of 3001 particles of particles-a.csv."),
+        "counts"
+    );
+    let space = data(&page, "space-data");
+    let [vectors, particles] = ["vectors", "particles"].map(|name| space[name].as_array().unwrap());
+    assert_eq!([vectors.len(), particles.len()], [119, 3000]);
+    // The third vector is replaced, the fourth has no data: x, y, z and u, v, w, in the mean of the folder.
+    assert_eq!(vectors[3], serde_json::json!([1.5, 0.0, 0.0, 0.017, 0.0, 0.0, 1.0]));
+    assert_eq!(vectors[4], serde_json::json!([2.5, 0.0, 0.0, 0.027, 0.0, 0.0, 0.0]));
+    assert_eq!(particles[1000], serde_json::json!([0.1235, 0.0, 1.0]));
+    assert_eq!(space["box"], serde_json::json!([[-0.2, 0.2], [-0.15, 0.15], [-1.0, 1.0]]));
+    // A pixel is 0.011 mm in focus.
+    assert!((space["px"].as_f64().unwrap() - 1.0 / 0.011).abs() < 1e-9, "{}", space["px"]);
 }
 
 #[test]
@@ -137,4 +166,7 @@ fn many_large_fields_stay_below_five_megabytes() {
     let page = bench.text("page.html");
     assert!((2_000_000..5_000_000).contains(&page.len()), "{} bytes", page.len());
     assert!(page.contains("the others are in the folder"));
+    let shown = data(&page, "space-data")["vectors"].as_array().unwrap().len();
+    assert!((700..=1500).contains(&shown), "{shown} vectors");
+    assert!(page.contains(&format!("Shown: {shown} of 151200 vectors of field-0.exr (one of ")), "what is shown");
 }

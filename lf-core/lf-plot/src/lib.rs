@@ -36,7 +36,7 @@ pub use arrow::arrow;
 pub use chart::{Arrows, Axis, Chart, Mark, Panel, Place, Style};
 pub use drawing::{At, Drawing, Pixel, rounded};
 pub use field::{FieldPicture, Scalar, field, layer};
-pub use page::draw;
+pub use page::{draw, draw_apart};
 pub use palette::{COLOURS, Colour, INK, grey};
 pub use save::save;
 pub use slice::{Slice, usual};

@@ -22,11 +22,25 @@ const SMALLEST_WIDTH: i32 = 640;
 
 /// Draws a chart. Refuses lists of different lengths and an empty range.
 pub fn draw(chart: &Chart) -> Result<Drawing, Refusal> {
+    let columns = chart.columns.clamp(1, chart.panels.len().max(1));
+    arrange(chart, columns, columns.min(FRAMES.len()) - 1, SMALLEST_WIDTH)
+}
+
+/// Draws each panel of a chart apart and small, without the chart's title and notes: for a page that stacks them where
+/// it is narrow. Refuses what [`draw`] refuses.
+pub fn draw_apart(chart: &Chart) -> Result<Vec<Drawing>, Refusal> {
+    let apart = |panel: &Panel| {
+        let (title, notes, panels) = (String::new(), Vec::new(), vec![panel.clone()]);
+        arrange(&Chart { title, notes, columns: 1, panels }, 1, FRAMES.len() - 1, 0)
+    };
+    chart.panels.iter().map(apart).collect()
+}
+
+/// Draws panels in columns, with frames of a kind, on a page of at least some width.
+fn arrange(chart: &Chart, columns: usize, kind: usize, smallest_width: i32) -> Result<Drawing, Refusal> {
     check(chart)?;
 
     // Lay out the panels.
-    let columns = chart.columns.clamp(1, chart.panels.len().max(1));
-    let kind = columns.min(FRAMES.len()) - 1;
     let room = |panel: &Panel| if panel.is_to_scale { [FRAMES_TO_SCALE[kind]; 2] } else { FRAMES[kind] };
     let is_one_key = Looks::of(&chart.panels).0.len() <= COLOURS.len();
     let looks = |panel| if is_one_key { Looks::of(&chart.panels) } else { Looks::of([panel]) };
@@ -39,7 +53,7 @@ pub fn draw(chart: &Chart) -> Result<Drawing, Refusal> {
     let down: Vec<[i32; 3]> = panels.chunks(columns).map(|row| largest(row.iter().map(PanelLayout::heights))).collect();
     let length =
         |sections: &[[i32; 3]]| sections.iter().flatten().sum::<i32>() + BETWEEN * (sections.len() as i32 - 1).max(0);
-    let width = (2 * EDGE + length(&across)).max(SMALLEST_WIDTH);
+    let width = (2 * EDGE + length(&across)).max(smallest_width);
 
     // Title and notes.
     let title = wrap(&chart.title, TITLE_PX, width - 2 * EDGE);

@@ -13,9 +13,9 @@ use std::path::{Path, PathBuf};
 /// Takes the folder of scripts/pipeline.mk, or any folder with camera.json, support-*.lfv,
 /// volume-*.lfv, particles-*.csv, field-*.exr, *.stats.json and log/*.txt; what is missing is left
 /// out. The page shows, in this order: warnings of all logs; the field, layer by layer, with a
-/// choice of colours; statistics and histograms; particles by depth and the bound of their
-/// precision; misfit and light by depth; what pruning kept; raw frame and white image with the
-/// lattice; camera and calibration; time and memory; the commands.
+/// choice of colours; the volume in three dimensions; statistics and histograms; particles by depth
+/// and the bound of their precision; misfit and light by depth; what pruning kept; raw frame and
+/// white image with the lattice; camera and calibration; time and memory; the commands.
 ///
 /// The file needs no network. Its fields take 3.6 MB at most: of many fields it holds those that fit.
 #[derive(clap::Args)]

@@ -5,7 +5,7 @@ use super::html::Section;
 use super::motion::FieldStatistics;
 use super::packed::{PackedField, bytes};
 use super::source::Source;
-use lf_core::{Field, Refusal};
+use lf_core::{Camera, Field, Refusal};
 
 /// Bytes of the page that fields may take.
 const MOST_BYTES: usize = 3_600_000;
@@ -35,9 +35,11 @@ pub(super) fn sections(
     source: &dyn Source,
     files: &[String],
     mean: Option<&str>,
+    camera: Option<&Camera>,
     notes: &mut Vec<String>,
 ) -> FieldSections {
-    let mut view = FieldView { choices: Vec::new(), bytes: 0, is_full: false };
+    let pixel_mm = camera.map(Camera::pixel_in_focus_mm);
+    let mut view = FieldView { choices: Vec::new(), pixel_mm, bytes: 0, is_full: false };
     let many = mean.filter(|_| files.len() > 1 || files.is_empty());
     if let Some((file, field)) = many.and_then(|file| Some((file, open(source, file, notes)?))) {
         view.add("mean of all fields".into(), &field)
@@ -70,7 +72,11 @@ pub(super) fn sections(
     let [measured, replaced, no_data] = motion.kinds;
     let total = (measured + replaced + no_data).max(1) as f64;
     let percent = |count: usize| format!("{:.1} %", 100.0 * count as f64 / total);
-    statistics.table(&["of measured vectors, mm", "mean", "standard deviation", "stated, RMS"], &motion.rows(), 1);
+    statistics.table(
+        &["of measured vectors, mm", "mean", "standard deviation", "stated, RMS"],
+        &motion.rows(pixel_mm),
+        1,
+    );
     statistics.chart(
         &motion.histograms(),
         "Measured vectors only. Fractions of a voxel are shown where displacements spread over voxels; peaks at whole \
@@ -113,6 +119,8 @@ fn open(source: &dyn Source, file: &str, notes: &mut Vec<String>) -> Option<Fiel
 /// The fields that the page holds.
 struct FieldView {
     choices: Vec<PackedField>,
+    /// Side of a pixel at the focal plane, if the camera is known.
+    pixel_mm: Option<f64>,
     bytes: usize,
     is_full: bool,
 }
@@ -134,7 +142,7 @@ impl FieldView {
         let name = if stride > 1 { format!("{name}, one of {stride} vectors along x and y") } else { name };
         let shown = thin.as_ref().unwrap_or(field);
         self.bytes += bytes(shown.len());
-        self.choices.push(PackedField::new(name, shown));
+        self.choices.push(PackedField::new(name, shown, self.pixel_mm));
         Ok(())
     }
 
@@ -181,7 +189,7 @@ mod tests {
 
     #[test]
     fn layers_that_never_fit_are_refused_and_others_are_thinned() {
-        let mut view = FieldView { choices: Vec::new(), bytes: 0, is_full: false };
+        let mut view = FieldView { choices: Vec::new(), pixel_mm: None, bytes: 0, is_full: false };
         let refusal = view.add("deep".into(), &fixtures::field([2, 2, 300_000], |_| [0.0; 3])).unwrap_err();
         assert_eq!(refusal.found, "300000 layers, too many for the page");
         view.add("thin".into(), &fixtures::field([3, 3, 100_000], |_| [0.0; 3])).unwrap();

@@ -1,10 +1,10 @@
 //! Pieces of HTML.
 
 use base64::prelude::{BASE64_STANDARD, Engine};
-use lf_plot::{Chart, draw};
+use lf_plot::{Chart, Drawing, draw, draw_apart};
 
-/// Constant: least width of a panel beside others and of one alone on the screen, px.
-const COLUMN_PX: usize = 340;
+/// Constant: least width of a chart of one panel, px. Text stays readable on a narrow screen: there the chart is wider
+/// than the screen and scrolls.
 const ALONE_PX: usize = 480;
 
 /// A section of the page: its anchor, its heading and its content.
@@ -39,20 +39,24 @@ impl Section {
         self.content += "</table></div>\n";
     }
 
-    /// Adds a chart with a line that explains it. A chart that cannot be drawn is left out.
+    /// Adds a chart with a line that explains it. Panels beside each other stack where the screen is narrow. A chart
+    /// that cannot be drawn is left out.
     pub fn chart(&mut self, chart: &Chart, caption: &str) {
-        if let Ok(drawing) = draw(chart) {
-            // Text stays readable on a narrow screen: there the chart is wider than the screen and scrolls.
-            let columns = chart.columns.clamp(1, chart.panels.len().max(1));
-            let least_px = if columns > 1 { COLUMN_PX * columns } else { ALONE_PX };
-            let label = escape(&chart.title);
-            let begin = format!("<svg role=\"img\" aria-label=\"{label}\" style=\"min-width:{least_px}px\" ");
-            let svg = drawing.svg().replacen("<svg ", &begin, 1);
-            let caption = escape(caption);
-            self.content += &format!(
-                "<figure><div class=\"wide\" tabindex=\"0\">{svg}</div><figcaption>{caption}</figcaption></figure>\n"
-            );
-        }
+        let (title, caption) = (escape(&chart.title), escape(caption));
+        let svg = |drawing: &Drawing, name: &str, style: &str| {
+            drawing.svg().replacen("<svg ", &format!("<svg role=\"img\" aria-label=\"{name}\"{style} "), 1)
+        };
+        let picture = if chart.columns.min(chart.panels.len()) > 1 {
+            let Ok(drawings) = draw_apart(chart) else { return };
+            let names = chart.panels.iter().map(|panel| format!("{title}: {}", escape(&panel.y.name)));
+            let panels: String = drawings.iter().zip(names).map(|(drawing, name)| svg(drawing, &name, "")).collect();
+            format!("<h3>{title}</h3><div class=\"panels\">{panels}</div>")
+        } else {
+            let Ok(drawing) = draw(chart) else { return };
+            let style = format!(" style=\"min-width:{ALONE_PX}px\"");
+            format!("<div class=\"wide\" tabindex=\"0\">{}</div>", svg(&drawing, &title, &style))
+        };
+        self.content += &format!("<figure>{picture}<figcaption>{caption}</figcaption></figure>\n");
     }
 
     /// Adds lines of text that are shown on demand.

@@ -15,6 +15,7 @@ mod packed;
 mod page;
 mod particles;
 mod source;
+mod space;
 mod stages;
 mod verdict;
 mod volumes;

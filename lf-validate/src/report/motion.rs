@@ -126,12 +126,14 @@ impl FieldStatistics {
         (0..3).filter_map(share).max_by(|a, b| a.1.total_cmp(&b.1))
     }
 
-    /// Mean, standard deviation and RMS stated uncertainty of each component, mm: a row of text each.
-    pub fn rows(&self) -> Vec<Vec<String>> {
+    /// Mean, standard deviation and RMS stated uncertainty of each component, mm, and px if a pixel's side is known: a
+    /// row of text each.
+    pub fn rows(&self, pixel_mm: Option<f64>) -> Vec<Vec<String>> {
+        let text = |mm: f64| pixel_mm.map_or(format!("{mm:.5}"), |side| format!("{mm:.5} ({:.3}\u{a0}px)", mm / side));
         let row = |c: usize| {
             let [mean, spread] = self.mean_and_spread(c);
-            let stated = self.stated_rms(c).map_or("-".into(), |stated| format!("{stated:.5}"));
-            vec![COMPONENTS[c].to_owned(), format!("{mean:.5}"), format!("{spread:.5}"), stated]
+            let stated = self.stated_rms(c).map_or("-".into(), text);
+            vec![COMPONENTS[c].to_owned(), text(mean), text(spread), stated]
         };
         (0..3).map(row).collect()
     }

@@ -23,6 +23,8 @@ pub(super) struct PackedField {
     name: String,
     unit: &'static str,
     dt: bool,
+    /// Pixels at the focal plane, per frame interval, of one unit.
+    px: Option<f64>,
     shape: [usize; 3],
     spacing: [f64; 3],
     origin: [f64; 3],
@@ -41,7 +43,7 @@ impl PackedField {
         &self.name
     }
 
-    pub fn new(name: String, field: &Field) -> Self {
+    pub fn new(name: String, field: &Field, pixel_mm: Option<f64>) -> Self {
         let layout = &field.layout;
         let factor = layout.dt_s.map_or(1.0, |dt_s| 1.0 / dt_s) as f32;
         let list = |values: &[f32]| {
@@ -52,6 +54,7 @@ impl PackedField {
             name,
             unit: if layout.dt_s.is_some() { "mm/s" } else { "mm" },
             dt: layout.dt_s.is_some(),
+            px: pixel_mm.map(|pixel_mm| layout.dt_s.unwrap_or(1.0) / pixel_mm),
             shape: layout.shape,
             spacing: layout.spacing_mm,
             origin: layout.origin_mm,

@@ -4,13 +4,13 @@ use super::fields::FieldSections;
 use super::folder::RunFiles;
 use super::html::{Section, escape};
 use super::source::Source;
-use super::{camera, fields, frames, particles, stages, verdict, volumes, warnings};
+use super::{camera, fields, frames, particles, space, stages, verdict, volumes, warnings};
 use lf_core::image::noise;
 use lf_core::{Camera, Refusal};
 
 const PAGE: &str = include_str!("page/page.html");
 const STYLE: &str = include_str!("page/page.css");
-const SCRIPT: &str = include_str!("page/page.js");
+const SCRIPT: &str = concat!(include_str!("page/page.js"), include_str!("page/space.js"));
 
 /// Choices that the names of the files do not show.
 #[derive(Debug, Clone, Default)]
@@ -47,7 +47,7 @@ pub fn report(source: &dyn Source, options: &PageOptions) -> Result<Report, Refu
     });
     let noise = options.frame.as_deref().and_then(|frame| noise_share(source, frame));
     let FieldSections { view, statistics, mut summary, motion, history } =
-        fields::sections(source, &folder.fields, folder.mean.as_deref(), &mut unread);
+        fields::sections(source, &folder.fields, folder.mean.as_deref(), camera.as_ref(), &mut unread);
     let stats = stages::read(source, &folder.stats);
     let stages = stages::section(&stats, &mut unread);
     let images = [("Raw frame", options.frame.as_deref()), ("White image", options.white.as_deref())];
@@ -60,6 +60,7 @@ pub fn report(source: &dyn Source, options: &PageOptions) -> Result<Report, Refu
     let particles = particles::section(source, &folder.particles, camera.as_ref(), noise, &mut unread);
     let sections: Vec<Section> = [
         view,
+        space::section(source, &folder, camera.as_ref()),
         statistics,
         particles,
         volumes::reconstruction(source, &folder.volumes, &folder.records, &mut unread),

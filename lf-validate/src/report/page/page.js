@@ -1,4 +1,58 @@
 "use strict";
+// For both views: colours, numbers and arrows.
+const INK = "#191923";
+const RISING = [[68, 1, 84], [71, 45, 123], [59, 82, 139], [44, 114, 142], [33, 145, 140], [40, 174, 128], [94, 201, 98],
+  [173, 220, 48], [253, 231, 37]];
+function colour(table, share) {
+  const at = Math.min(Math.max(share, 0), 1) * (table.length - 1), low = Math.min(Math.floor(at), table.length - 2);
+  const mix = [0, 1, 2].map((c) => Math.round(table[low][c] + (table[low + 1][c] - table[low][c]) * (at - low)));
+  return "rgb(" + mix.join(",") + ")";
+}
+function short(value) {
+  if (!isFinite(value)) return "none";
+  const isFar = Math.abs(value) >= 1e5 || (value !== 0 && Math.abs(value) < 1e-3);
+  return isFar ? value.toExponential(2) : String(+value.toPrecision(3));
+}
+// A displacement or a velocity, with the pixels of the focal plane that it is per frame interval where a camera is known.
+function both(value, { unit, px }) {
+  return short(value) + " " + unit + (px ? " = " + short(value * px) + " px" + (unit === "mm" ? "" : " a frame") : "");
+}
+// Round numbers between two ends.
+function ticks(low, high, most) {
+  const rough = (high - low) / most, power = Math.pow(10, Math.floor(Math.log10(rough)));
+  const step = [1, 2, 5, 10].map((n) => n * power).find((step) => step >= rough) || rough;
+  const found = [];
+  for (let n = Math.ceil(low / step - 1e-9); n * step <= high + 1e-9 * step; n++) found.push(+(n * step).toPrecision(12));
+  return found;
+}
+// The largest round number that is not above a value.
+function roundBelow(value) {
+  const power = Math.pow(10, Math.floor(Math.log10(value)));
+  return +(([5, 2].find((n) => n * power <= value) || 1) * power).toPrecision(3);
+}
+// An arrow is hollow if it has another filling than its ink.
+function arrow(pen, x, y, dx, dy, ink, filling) {
+  const isHollow = ink !== filling, length = Math.hypot(dx, dy) || 1;
+  const head = Math.min(5, 0.45 * length), wing = 0.5 * head;
+  const [ex, ey] = [dx / length, dy / length], neck = [x + dx - head * ex, y + dy - head * ey];
+  pen.strokeStyle = ink;
+  pen.fillStyle = filling;
+  pen.lineWidth = isHollow ? 0.8 : 1.3;
+  pen.setLineDash(isHollow ? [2, 2] : []);
+  pen.beginPath();
+  pen.moveTo(x, y);
+  pen.lineTo(neck[0], neck[1]);
+  pen.stroke();
+  pen.setLineDash([]);
+  pen.beginPath();
+  pen.moveTo(x + dx, y + dy);
+  pen.lineTo(neck[0] - wing * ey, neck[1] + wing * ex);
+  pen.lineTo(neck[0] + wing * ey, neck[1] - wing * ex);
+  pen.closePath();
+  pen.fill();
+  if (isHollow) pen.stroke();
+}
+
 // The view of a field: one layer across an axis, a scalar in colours, arrows over it.
 (function () {
   const holder = document.getElementById("fields-data");
@@ -8,8 +62,6 @@
   const canvas = get("view"), reading = get("reading"), place = get("place");
   const AXES = ["x", "y", "z"], NAMES = ["u", "v", "w"];
   const SIGNED = [[62, 118, 186], [126, 168, 214], [192, 213, 234], [248, 247, 244], [247, 208, 188], [230, 150, 124], [202, 86, 70]];
-  const RISING = [[68, 1, 84], [71, 45, 123], [59, 82, 139], [44, 114, 142], [33, 145, 140], [40, 174, 128], [94, 201, 98],
-    [173, 220, 48], [253, 231, 37]];
   const MEASURED = 0, REPLACED = 1, NO_DATA = 2, MISSING = -32768;
 
   // Numbers of a field: whole numbers of 16 bits, little-endian, times a scale; the least of them is no number.
@@ -84,24 +136,6 @@
     return isSigned(kind) ? [-most, most] : [0, most];
   }
 
-  function colour(table, share) {
-    const at = Math.min(Math.max(share, 0), 1) * (table.length - 1), low = Math.min(Math.floor(at), table.length - 2);
-    const mix = [0, 1, 2].map((c) => Math.round(table[low][c] + (table[low + 1][c] - table[low][c]) * (at - low)));
-    return "rgb(" + mix.join(",") + ")";
-  }
-  function short(value) {
-    if (!isFinite(value)) return "none";
-    return Math.abs(value) >= 1e5 || (value !== 0 && Math.abs(value) < 1e-3) ? value.toExponential(2) : String(+value.toPrecision(3));
-  }
-  // Round numbers between two ends.
-  function ticks(low, high, most) {
-    const rough = (high - low) / most, power = Math.pow(10, Math.floor(Math.log10(rough)));
-    const step = [1, 2, 5, 10].map((n) => n * power).find((step) => step >= rough) || rough;
-    const found = [];
-    for (let n = Math.ceil(low / step - 1e-9); n * step <= high + 1e-9 * step; n++) found.push(+(n * step).toPrecision(12));
-    return found;
-  }
-
   let view = null;
   function draw() {
     const field = fields[+get("which").value], data = open(field), through = AXES.indexOf(get("axis").value);
@@ -155,6 +189,7 @@
       }
 
     // Arrows: as many as have room, never longer than the distance between two of them.
+    let stated = "";
     if (get("arrows").checked) {
       const room = 15, every = cell.map((side) => Math.max(1, Math.ceil(room / side)));
       const reach = Math.min(cell[0] * every[0], cell[1] * every[1]) * 0.92;
@@ -169,8 +204,12 @@
           du *= length / size;
           dv *= length / size;
           const [x, y] = corner(i, j), middle = [x + cell[0] / 2, y + cell[1] / 2];
-          arrow(pen, middle[0] - du / 2, middle[1] + dv / 2, du, -dv, data.flag[n] === REPLACED);
+          arrow(pen, middle[0] - du / 2, middle[1] + dv / 2, du, -dv, INK, data.flag[n] === REPLACED ? "#fff" : INK);
         }
+      const reference = roundBelow(most);
+      arrow(pen, left + inner + 14, top + height + 14, (reference / most) * reach, 0, INK, INK);
+      pen.fillText(short(reference) + " " + field.unit, left + inner + 14, top + height + 36);
+      stated = ". The arrow below the colours is " + both(reference, field);
     }
 
     // Axes and the bar of colours.
@@ -212,29 +251,9 @@
     const mm = field.origin[through] + layer * field.spacing[through];
     place.textContent = "layer " + (layer + 1) + " of " + field.shape[through] + ", " + AXES[through] + " = " + short(mm) + " mm";
     const counted = counts[MEASURED] + " measured, " + counts[REPLACED] + " replaced (hollow arrows), " + counts[NO_DATA] +
-      " without data (grey, crossed out)";
+      " without data (grey, crossed out)" + stated;
     reading.textContent = counted + ". Point at the picture to read a vector.";
     view = { field, data, through, across, layer, cell, left, top, inner, height, nx, ny, at, counted };
-  }
-  function arrow(pen, x, y, dx, dy, isHollow) {
-    const length = Math.hypot(dx, dy), head = Math.min(5, 0.45 * length), wing = 0.5 * head;
-    const [ex, ey] = [dx / length, dy / length], neck = [x + dx - head * ex, y + dy - head * ey];
-    pen.strokeStyle = "#191923";
-    pen.fillStyle = isHollow ? "#fff" : "#191923";
-    pen.lineWidth = isHollow ? 0.8 : 1.3;
-    pen.setLineDash(isHollow ? [2, 2] : []);
-    pen.beginPath();
-    pen.moveTo(x, y);
-    pen.lineTo(neck[0], neck[1]);
-    pen.stroke();
-    pen.setLineDash([]);
-    pen.beginPath();
-    pen.moveTo(x + dx, y + dy);
-    pen.lineTo(neck[0] - wing * ey, neck[1] + wing * ex);
-    pen.lineTo(neck[0] + wing * ey, neck[1] - wing * ex);
-    pen.closePath();
-    pen.fill();
-    if (isHollow) pen.stroke();
   }
   function upright(pen, text, x, y) {
     pen.save();
@@ -262,7 +281,8 @@
       const spread = data.uncertainty[c][n];
       return name + " " + short(data.vector[c][n]) + (isFinite(spread) ? " \u00b1 " + short(spread) : "");
     });
-    reading.textContent = where + " mm: " + (known(data, n) ? values.join(", ") + " " + field.unit + " (" + kind + ")" : kind);
+    const px = field.px ? " = " + NAMES.map((_, c) => short(data.vector[c][n] * field.px)).join(", ") + " px" : "";
+    reading.textContent = where + " mm: " + (known(data, n) ? values.join(", ") + " " + field.unit + px + " (" + kind + ")" : kind);
   }
 
   // The layer that shows most: the largest vectors for their uncertainty, among the layers with nearly as many measured
