@@ -18,7 +18,7 @@ struct Space {
     unit: &'static str,
     /// Displacement per frame interval, mm, of one unit.
     dt: f64,
-    /// That displacement in pixels at the focal plane.
+    /// Pixels at the focal plane per frame interval, of one unit.
     px: Option<f64>,
     #[serde(rename = "box")]
     bounds: [[f64; 2]; 3],
