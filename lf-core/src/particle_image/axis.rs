@@ -41,8 +41,8 @@ impl Axis {
         (first < end).then_some((first, end))
     }
 
-    /// Like [`Self::lit`] for a blurred image: light within `corner` of the lenslet's centre, before a spot and a blur of
-    /// these standard deviations, mm on the array and px, widen it together. The stop's ends are blurred alone.
+    /// Like [`Self::lit`] for a blurred image: light within `corner` of the lenslet's centre, before a spot and a blur
+    /// of these standard deviations, mm on the array and px, widen it together. The stop's ends are blurred alone.
     #[inline(always)]
     pub(super) fn lit_blurred(
         &self,

@@ -98,7 +98,7 @@ impl RunFolder {
     fn frame(&self) -> Option<String> {
         let first = self.names.iter().find(|name| name.starts_with("volume-") && name.ends_with(".lfv"))?;
         let volume = self.volume(first).ok()?;
-        let step = volume.history().iter().rev().find(|step| step.tool == "lf-mart")?;
+        let step = volume.history().iter().rev().find(|step| ["lf-fit", "lf-mart"].contains(&step.tool.as_str()))?;
         let option = step.arguments.iter().position(|word| word == "-i" || word == "--image")?;
         let typed = step.arguments.get(option + 1)?;
         let beside = [None, Some(self.path.as_path()), self.path.parent()];
