@@ -20,7 +20,7 @@
 
 use super::axis::Axis;
 use super::cell_surface::Ladder;
-use super::lenslet_image::{LIGHT, LensletImage, Listed, PLACES, Patch, QUANTITIES, Scratch};
+use super::lenslet_image::{Hit, LIGHT, LensletImage, Listed, PLACES, Patch, QUANTITIES, Scratch};
 use super::lenslet_lines::LensletLine;
 use super::mean::{FourPlaces, LANES, Mean};
 use super::place::Place;
@@ -33,6 +33,8 @@ const DARK: f64 = 1e-6;
 const MOST_SHIFT: f64 = 3.0;
 /// A pixel on the array is no narrower than this share of the spot, so that differences keep their digits.
 const LEAST_WIDTH: f64 = 0.05;
+/// Largest correction of a blur's variance, over the variance.
+const MOST_STRETCH: f64 = 0.6;
 /// The variance of the bump is no less than this share of the kernel's.
 const LEAST_VARIANCE: f64 = 0.05;
 
@@ -88,6 +90,7 @@ impl<T: Listed> LensletImage<'_, T> {
         if self.beam.is_bent() {
             self.follow_bent_rays(line, alpha, &axes, widened.sigma_mm, scratch);
             T::means_at::<N>(tables, more_mm, widened.has_pixel, scratch);
+            self.stretch(blur, &widened, scratch);
         } else {
             T::means::<N>(tables, more_mm, widened.has_pixel, scratch);
         }
@@ -142,7 +145,8 @@ impl<T: Listed> LensletImage<'_, T> {
         hits.clear();
         for y in &points[1] {
             for x in &points[0] {
-                hits.push((self.beam.hit(DVec2::new(x.u, y.u), half) - line.centre, DVec2::ZERO));
+                let place = self.beam.hit(DVec2::new(x.u, y.u), half) - line.centre;
+                hits.push(Hit { place, width: DVec2::ZERO, by_px: [DVec2::ZERO; 2] });
             }
         }
         // A width is half the way from the pixel before to the one behind.
@@ -153,12 +157,38 @@ impl<T: Listed> LensletImage<'_, T> {
                 let before = if place > 0 { n - stride } else { n };
                 let after = if place + 1 < count { n + stride } else { n };
                 let steps = (after - before) / stride;
-                let width = match steps {
-                    0 => alpha[axis] * axes[axis].per_slope,
-                    _ => (hits[after].0[axis] - hits[before].0[axis]) / steps as f64,
+                hits[n].by_px[axis] = match steps {
+                    0 => DVec2::AXES[axis] * (alpha[axis] * axes[axis].per_slope),
+                    _ => (hits[after].place - hits[before].place) / steps as f64,
                 };
-                hits[n].1[axis] = width.abs().max(LEAST_WIDTH * sigma_mm);
+                hits[n].width[axis] = hits[n].by_px[axis][axis].abs().max(LEAST_WIDTH * sigma_mm);
             }
+        }
+    }
+}
+
+impl<T: Listed> LensletImage<'_, T> {
+    /// Corrects the means of bent rays. The tables have a round blur and upright pixels; on the array bent rays make
+    /// the sensor's round blur an ellipse, and its pixels rhombs. What they are wider spreads the means like heat.
+    #[inline(always)]
+    fn stretch(&self, blur: &SensorBlur, widened: &Widened, scratch: &mut Scratch) {
+        let Scratch { hits, points, means, .. } = scratch;
+        let columns = points[0].len();
+        let most = MOST_STRETCH * widened.sigma_mm * widened.sigma_mm;
+        let round = widened.sigma_mm * widened.sigma_mm - self.spot_mm * self.spot_mm;
+        let variance = blur.sigma_px * blur.sigma_px + PIXEL_VARIANCE;
+        for (n, hit) in hits.iter().enumerate() {
+            let [a, b] = hit.by_px;
+            // Upright pixels are in the mean, unless they are in the round blur.
+            let pixel = if widened.has_pixel { DVec2::ZERO } else { PIXEL_VARIANCE * DVec2::new(a.x * a.x, b.y * b.y) };
+            let square = variance * (a * a + b * b) - pixel - round;
+            let mixed = variance * (a.x * a.y + b.x * b.y);
+            let (row, column) = (n / columns, n % columns);
+            let mean = &mut means[row * columns.div_ceil(LANES) + column / LANES];
+            let [level, _, _, xx, xy, yy] = [0, 1, 2, 3, 4, 5].map(|k| mean[k][column % LANES]);
+            let more = square.clamp(DVec2::splat(-most), DVec2::splat(most));
+            let added = 0.5 * (more.x * xx + more.y * yy) + mixed.clamp(-most, most) * xy;
+            mean[0][column % LANES] = (level + added).max(0.0);
         }
     }
 }

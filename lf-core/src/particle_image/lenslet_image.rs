@@ -141,8 +141,8 @@ pub struct Scratch {
     pub(super) points: [Vec<Place>; 2],
     pub(super) means: Vec<Mean>,
     pub(super) fours: Vec<FourPlaces>,
-    /// Where rays through the middles of pixels meet the array, and how wide the pixels are there.
-    pub(super) hits: Vec<(DVec2, DVec2)>,
+    /// Where rays through the middles of pixels meet the array.
+    pub(super) hits: Vec<Hit>,
     pub(super) jets: [Vec<LineJet>; 2],
     pub(super) stencils: Vec<Stencil>,
     pub(super) corners: [Vec<Jet>; 2],
@@ -153,6 +153,17 @@ pub struct Scratch {
     reads: Lists<Read>,
     lines: [Vec<[f64; QUANTITIES]>; 2],
     pub(super) pixels: Vec<[f64; QUANTITIES]>,
+}
+
+/// Where a bent ray through the middle of a pixel meets the array.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Hit {
+    /// From the lenslet's centre, mm.
+    pub(super) place: DVec2,
+    /// Sides of the pixel there, mm.
+    pub(super) width: DVec2,
+    /// How far the place moves with a column and with a row, mm/px.
+    pub(super) by_px: [DVec2; 2],
 }
 
 /// Pixels whose width on the array is below this many standard deviations of the spot are integrated by points.

@@ -2,7 +2,7 @@
 
 use super::cell_surface::Tables;
 use super::cross::{Cross, LineJet};
-use super::lenslet_image::{PLACES, QUANTITIES, Scratch};
+use super::lenslet_image::{Hit, PLACES, QUANTITIES, Scratch};
 use super::mean::{LANES, Mean, NUMBERS, PLAIN};
 use super::spline::{Jet, Spline};
 
@@ -159,7 +159,7 @@ impl Tables<Spline> {
         let columns = points[0].len();
         fit(means, columns, points[1].len());
         for (hits, means) in hits.chunks(columns).zip(means.chunks_mut(columns.div_ceil(LANES))) {
-            for (column, (hit, width)) in hits.iter().enumerate() {
+            for (column, Hit { place: hit, width, .. }) in hits.iter().enumerate() {
                 if has_pixel {
                     let jet = share.jet::<N>(&share.stencil(0, hit.x), &share.stencil(1, hit.y), more_mm);
                     put::<N>(means, column, |n| jet[n]);
@@ -185,7 +185,7 @@ impl Tables<Cross> {
         let columns = points[0].len();
         fit(means, columns, points[1].len());
         for (hits, means) in hits.chunks(columns).zip(means.chunks_mut(columns.div_ceil(LANES))) {
-            for (column, (hit, width)) in hits.iter().enumerate() {
+            for (column, Hit { place: hit, width, .. }) in hits.iter().enumerate() {
                 let mut jets = [LineJet::default(); 2];
                 for (axis, jet) in jets.iter_mut().enumerate() {
                     let (hit, width) = (hit[axis], width[axis]);
