@@ -168,9 +168,9 @@ fn warn_of_model(found: &Fit, session: &mut Session) {
         ));
     }
     for PiledUp { end_mm, count, usual } in found.piled_up() {
-        let end_mm = (1e3 * end_mm).round() / 1e3;
+        let digits = if end_mm.abs() < 1.0 { 2 } else { 1 };
         session.warn(format!(
-            "{count} particles lie at the end of the depths, {end_mm} mm, where {usual:.0} are usual: particles beyond \
+            "{count} particles lie at the end of the depths, {end_mm:.digits$} mm, where {usual:.0} are usual: particles beyond \
              it are pressed into it; give lf-prune a larger --depth"
         ));
     }
