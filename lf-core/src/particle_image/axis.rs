@@ -46,12 +46,12 @@ impl Axis {
     #[inline(always)]
     pub(super) fn lit_blurred(
         &self,
-        (alpha, half, reach): (f64, f64, f64),
+        alpha: f64,
+        half: f64,
         corner: f64,
-        spot: f64,
-        blur_px: f64,
+        (spot, blur_px): (f64, f64),
     ) -> Option<(i64, i64)> {
-        let (first, end) = self.lit(alpha, half, reach, REACH * blur_px)?;
+        let (first, end) = self.lit(alpha, half, corner + REACH_SIGMA * spot, REACH * blur_px)?;
         if alpha.abs() * half < SMALL * spot {
             return Some((first, end));
         }

@@ -58,12 +58,8 @@ impl<T: Listed> LensletImage<'_, T> {
     ) -> Option<Patch> {
         let half = self.view.optics.half_aperture_mm;
         let (axes, alpha) = self.axes(line);
-        let corner = self.view.corner + self.beam.most_bend_mm;
-        let lit = |n: usize| {
-            let ends = (alpha[n], half, self.reach_mm[n]);
-            axes[n].lit_blurred(ends, corner[n], self.spot_mm, blur.sigma_px)
-        };
-        let ((left, right), (top, bottom)) = (lit(0)?, lit(1)?);
+        let (left, right) = self.lit(0, &axes[0], alpha.x)?;
+        let (top, bottom) = self.lit(1, &axes[1], alpha.y)?;
 
         // Widen the spot by the blur under this lenslet.
         let px_by_stop = (axes[0].slope.abs() + axes[1].slope.abs()) / 2.0;

@@ -197,8 +197,6 @@ pub(super) struct LensletImage<'a, T> {
     /// Size of the spot, and what it is beyond the tables', mm.
     pub(super) spot_mm: f64,
     pub(super) more_mm: f64,
-    /// How far light reaches from the centre of the lenslet that takes it, mm.
-    pub(super) reach_mm: DVec2,
 }
 
 impl<T: Listed> LensletImage<'_, T> {
@@ -223,6 +221,17 @@ impl<T: Listed> LensletImage<'_, T> {
         (axes, alpha)
     }
 
+    /// First and end pixel along axis `n` that can be lit.
+    #[inline(always)]
+    pub(super) fn lit(&self, n: usize, axis: &Axis, alpha: f64) -> Option<(i64, i64)> {
+        let Self { view, beam, spot_mm: spot, .. } = *self;
+        let (half, corner) = (view.optics.half_aperture_mm, view.corner[n] + beam.most_bend_mm);
+        match &view.blur {
+            Some(blur) => axis.lit_blurred(alpha, half, corner, (spot, blur.sigma_px)),
+            None => axis.lit(alpha, half, corner + REACH_SIGMA * spot, 0.0),
+        }
+    }
+
     /// Fills the scratch's pixels with light and derivatives by m, alpha, the spot's size and the lattice's shift.
     #[inline(always)]
     pub(super) fn integrate<const N: usize>(
@@ -234,9 +243,8 @@ impl<T: Listed> LensletImage<'_, T> {
         let Self { view, beam, spot_mm: spot, .. } = *self;
         let half = view.optics.half_aperture_mm;
         let (axes, alpha) = self.axes(line);
-        let reach = view.corner + REACH_SIGMA * spot + beam.most_bend_mm;
-        let (left, right) = axes[0].lit(alpha.x, half, reach.x, 0.0)?;
-        let (top, bottom) = axes[1].lit(alpha.y, half, reach.y, 0.0)?;
+        let (left, right) = self.lit(0, &axes[0], alpha.x)?;
+        let (top, bottom) = self.lit(1, &axes[1], alpha.y)?;
         let width_mm = 1.0 / axes[0].slope.abs().min(axes[1].slope.abs());
         let on_array = alpha.abs().max_element() * width_mm;
         let mut parts = 1;

@@ -186,14 +186,7 @@ impl ParticleModel {
     ) {
         let tables = ladder.nearest(spot_mm);
         let margin = self.view.corner + REACH_SIGMA * spot_mm + beam.most_bend_mm;
-        let image = LensletImage {
-            view: &self.view,
-            beam,
-            tables,
-            spot_mm,
-            more_mm: spot_mm - tables.sigma_mm,
-            reach_mm: margin,
-        };
+        let image = LensletImage { view: &self.view, beam, tables, spot_mm, more_mm: spot_mm - tables.sigma_mm };
         scratch.shared.begin();
         let spread = beam.alpha.abs() * self.view.optics.half_aperture_mm;
         for line in self.lines.within(beam.chief, margin + spread) {

@@ -2,7 +2,6 @@
 
 use super::axis::Axis;
 use super::blurred_factors::Span;
-use super::cell_surface::REACH_SIGMA;
 use super::cross::Cross;
 use super::edge_sums::EdgeSums;
 use super::factor::Factor;
@@ -29,16 +28,8 @@ impl Share {
         }
         (self.axis, self.by_points) = (Some(*axis), by_points);
         let half = image.view.optics.half_aperture_mm;
-        let reach = image.view.corner + REACH_SIGMA * image.spot_mm + image.beam.most_bend_mm;
         let blur = image.view.blur.as_ref();
-        let lit = match blur {
-            Some(blur) => {
-                let corner = image.view.corner[n] + image.beam.most_bend_mm;
-                axis.lit_blurred((alpha, half, reach[n]), corner, image.spot_mm, blur.sigma_px)
-            }
-            None => axis.lit(alpha, half, reach[n], 0.0),
-        };
-        (self.first, self.end) = lit.unwrap_or((0, 0));
+        (self.first, self.end) = image.lit(n, axis, alpha).unwrap_or((0, 0));
         self.edges.clear();
         self.factors.clear();
         if self.first == self.end {
