@@ -68,7 +68,7 @@ impl ParticleImage {
         Self::render(cameras, particle, window, scratch, Quantities::Places)
     }
 
-    /// Renders the light of a particle, without derivatives: half the work.
+    /// Renders the light of a particle, without derivatives.
     pub(crate) fn light(cameras: &Cameras, particle: &Particle, window: &Window, scratch: &mut Scratch) -> Self {
         Self::render(cameras, particle, window, scratch, Quantities::Light)
     }

@@ -175,6 +175,20 @@ impl<'a> Sample<'a> {
                 images.push(image);
             }
         }
+        if self.free.lens.contains(&true) {
+            self.add_lens_slopes(cameras, &images, &mut by_shape)?;
+        }
+        let deviance = cameras.deviance(&self.window, images.iter(), buffers);
+        Ok(State { images, by_shape, deviance })
+    }
+
+    /// Adds the slopes by the camera's free parameters: one step of each, and the light before it.
+    fn add_lens_slopes(
+        &self,
+        cameras: &Cameras,
+        images: &[ParticleImage],
+        by_shape: &mut [[f32; SHAPES]],
+    ) -> Result<(), Refusal> {
         let mut now = vec![0f32; self.window.seen.len()];
         images.iter().for_each(|image| image.add_to(&mut now, self.window.columns, 1.0));
         for k in (ANALYTIC..SHAPES).filter(|k| self.free.lens[k - ANALYTIC]) {
@@ -185,8 +199,7 @@ impl<'a> Sample<'a> {
             let slopes = self.light(&moved).into_iter().zip(&now).map(slope);
             by_shape.iter_mut().zip(slopes).for_each(|(slopes, slope)| slopes[k] = slope);
         }
-        let deviance = cameras.deviance(&self.window, images.iter(), buffers);
-        Ok(State { images, by_shape, deviance })
+        Ok(())
     }
 
     /// The light of the particles in the window.
