@@ -42,7 +42,9 @@ impl Draft {
 
 fn named(folder: &Path) -> io::Result<NamedTempFile> {
     let mut names = names();
-    new_permissions().map(|permissions| names.permissions(permissions));
+    if let Some(permissions) = new_permissions() {
+        names.permissions(permissions);
+    }
     names.tempfile_in(folder).map_err(without_path)
 }
 

@@ -2,7 +2,7 @@
 
 use super::os::{FileId, file_id, stdin_file, stdout_file};
 use crate::{Error, Refusal};
-use std::fs::{self, File};
+use std::fs::{self, File, Metadata};
 use std::io::{self, ErrorKind};
 use std::path::Path;
 
@@ -34,12 +34,17 @@ pub fn output_name(path: &Path) -> String {
 
 /// Whether an output and an input (`-`: standard streams) are the same plain file. Devices and pipes never are.
 pub fn same_file(output: &Path, input: &Path) -> bool {
-    let look = |path: &Path, stream: fn() -> Option<io::Result<File>>| -> Option<FileId> {
-        let found = if is_standard(path) { stream()?.and_then(|file| file.metadata()) } else { fs::metadata(path) };
-        found.ok().filter(|found| found.is_file()).map(|found| file_id(path, &found))
+    let id = |path: &Path, stream| -> Option<FileId> {
+        metadata(path, stream).filter(Metadata::is_file).map(|found| file_id(path, &found))
     };
-    let output = look(output, stdout_file);
-    output.is_some() && output == look(input, stdin_file)
+    let output = id(output, stdout_file);
+    output.is_some() && output == id(input, stdin_file)
+}
+
+/// Metadata of a file, or for `-` of a standard stream that is a file.
+pub(super) fn metadata(path: &Path, stream: fn() -> Option<io::Result<File>>) -> Option<Metadata> {
+    let found = if is_standard(path) { stream()?.and_then(|file| file.metadata()) } else { fs::metadata(path) };
+    found.ok()
 }
 
 /// The error of a failed write. An [`Error`] carried inside is returned as it is, a [`Refusal`] as one about `subject`.

@@ -1,11 +1,10 @@
 //! Inputs that another program changes while a tool reads them.
 
-use super::names::{is_standard, name};
+use super::names::{metadata, name};
 use super::os::{FileId, file_id, is_guarded, stdin_file};
 use crate::{Error, Result};
 use std::collections::BTreeMap;
-use std::fs::{self, Metadata};
-use std::io::ErrorKind;
+use std::fs::Metadata;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::SystemTime;
@@ -32,12 +31,7 @@ fn mark(path: &Path, found: &Metadata) -> Mark {
 
 /// Whether the file was written to. A file that was removed or replaced keeps its content for those that hold it open.
 fn has_changed((path, then): &(PathBuf, Mark)) -> bool {
-    let now = if is_standard(path) {
-        stdin_file().unwrap_or_else(|| Err(ErrorKind::Unsupported.into())).and_then(|file| file.metadata())
-    } else {
-        fs::metadata(path)
-    };
-    now.is_ok_and(|now| {
+    metadata(path, stdin_file).is_some_and(|now| {
         let now = mark(path, &now);
         now.0 == then.0 && now != *then
     })
