@@ -61,6 +61,20 @@ fn a_box_cuts_and_places() {
     assert!(!bench.path("c.vti").exists());
 }
 
+/// Scar: only some tasks knew a NetCDF by its bytes.
+#[test]
+fn a_netcdf_is_a_field_for_every_task() {
+    let bench = workbench();
+    save_field(&bench, "a.exr", &field([3, 2, 2], |[x, _, _]| [0.1 * x as f32, 0.0, 0.0]));
+    for line in [["a.exr", "a.nc"], ["a.exr", "from-exr.csv"], ["a.nc", "from-nc.csv"]] {
+        bench.done(&["export", line[0], "-o", line[1]]);
+    }
+    assert_eq!(bench.text("from-nc.csv"), bench.text("from-exr.csv"));
+    bench.done(&["export", "a.nc", "a.exr", "-o", "run.vti.series"]);
+    bench.done(&["info", "a.nc"]);
+    bench.done(&["displacement", "a.nc", "a.exr"]);
+}
+
 #[test]
 fn a_series_is_listed_with_its_times() {
     let bench = workbench();

@@ -15,10 +15,24 @@ use std::path::Path;
 const LAYOUT: &str = "lf:field";
 
 impl VectorGrid {
-    /// Reads the layout of an EXR field and no vector.
+    /// Reads the attribute with this name of a file that `wanted` describes.
+    pub(super) fn of_attribute(name: &str, text: &str, wanted: &'static str) -> std::result::Result<Self, Refusal> {
+        let wrong = |error: serde_json::Error| Refusal::new(format!("attribute {name}: {error}"), wanted);
+        let attribute: Map<String, Value> = serde_json::from_str(text).map_err(wrong)?;
+        frame::check(&attribute)?;
+        let layout = Self::deserialize(Value::from(attribute)).map_err(wrong)?;
+        layout.check()?;
+        Ok(layout)
+    }
+
+    /// Reads the layout of a field, of an EXR without its vectors.
     pub fn open(path: &Path) -> Result<Self> {
         let bytes = io::open(path)?;
-        guarded(|| head(&bytes)).map(|(_, layout)| layout).map_err(|refusal| refusal.about(io::name(path)))
+        let layout = || match Signature::of(&bytes) {
+            Some(Signature::NetCdf) => netcdf::parse(&bytes).map(|field| field.layout),
+            _ => head(&bytes).map(|(_, layout)| layout),
+        };
+        guarded(layout).map_err(|refusal| refusal.about(io::name(path)))
     }
 }
 
@@ -30,7 +44,6 @@ impl Field {
 
     /// Reads a field, EXR or NetCDF, from memory; `name` stands for it in messages.
     pub fn from_bytes(bytes: &[u8], name: &str) -> Result<Self> {
-        let parse = if netcdf::is_netcdf(bytes) { netcdf::parse } else { parse };
         guarded(|| parse(bytes)).map_err(|refusal| refusal.about(name))
     }
 
@@ -90,11 +103,7 @@ fn head(bytes: &[u8]) -> std::result::Result<(exr::ExrHeader, VectorGrid), Refus
         let found = format!("an EXR of channels {} without attribute {LAYOUT}", header.channels.join(", "));
         return Err(Refusal::new(found, WANTED));
     };
-    let wrong = |error: serde_json::Error| Refusal::new(format!("attribute {LAYOUT}: {error}"), WANTED);
-    let attribute: Map<String, Value> = serde_json::from_str(&text).map_err(wrong)?;
-    frame::check(&attribute)?;
-    let layout = VectorGrid::deserialize(Value::from(attribute)).map_err(wrong)?;
-    layout.check()?;
+    let layout = VectorGrid::of_attribute(LAYOUT, &text, WANTED)?;
     let [nx, ny, nz] = layout.shape;
     let found = || format!("{} x {} pixels for a shape of {nx} x {ny} x {nz}", header.width, header.height);
     let fits = (header.width, Some(header.height)) == (nx, ny.checked_mul(nz));
@@ -103,6 +112,9 @@ fn head(bytes: &[u8]) -> std::result::Result<(exr::ExrHeader, VectorGrid), Refus
 }
 
 fn parse(bytes: &[u8]) -> std::result::Result<Field, Refusal> {
+    if Signature::of(bytes) == Some(Signature::NetCdf) {
+        return netcdf::parse(bytes);
+    }
     let (header, layout) = head(bytes)?;
     let (has_count, pixels) = (header.channels.iter().any(|name| name == COUNT), header.width * header.height);
     let names = CHANNELS.iter().map(|(name, ..)| *name).filter(|name| has_count || *name != COUNT);

@@ -6,19 +6,12 @@
 
 use super::vector_grid::{CHANNELS, VectorGrid};
 use super::vectors::{Field, MEASURED, NO_DATA};
-use crate::{Refusal, frame};
-use serde::Deserialize;
-use serde_json::{Map, Value};
+use crate::Refusal;
 use std::collections::HashMap;
 
 const WANTED: &str = "wanted NetCDF in the classic format, with x, y, z and u, v, w over (z, y, x), mm";
 /// Largest difference of steps along an axis, relatively.
 const UNEVEN: f64 = 1e-3;
-
-/// Whether bytes begin as NetCDF: in the classic format, or in that of HDF5, which is refused.
-pub(super) fn is_netcdf(bytes: &[u8]) -> bool {
-    bytes.starts_with(b"CDF") || bytes.starts_with(b"\x89HDF")
-}
 
 /// Reads bytes from first to last.
 struct Cursor<'a>(&'a [u8]);
@@ -127,10 +120,7 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Field, Refusal> {
         (layout.shape[axis], layout.origin_mm[axis], layout.spacing_mm[axis]) = spaced(name, &find(name)?.1)?;
     }
     if let Some(text) = &content.layout {
-        let wrong = |error: serde_json::Error| Refusal::new(format!("attribute lf_field: {error}"), WANTED);
-        let attribute: Map<String, Value> = serde_json::from_str(text).map_err(wrong)?;
-        frame::check(&attribute)?;
-        let whole = VectorGrid::deserialize(Value::from(attribute)).map_err(wrong)?;
+        let whole = VectorGrid::of_attribute("lf_field", text, WANTED)?;
         Refusal::unless(whole.shape == layout.shape, || "an attribute lf_field of another shape", WANTED)?;
         layout = whole;
     }

@@ -45,18 +45,21 @@ pub enum Signature {
     Png,
     Tiff,
     Lfv,
+    NetCdf,
     Gzip,
     Zip,
 }
 
 impl Signature {
-    /// The format of a file with these first bytes; None for others. TIFF includes BigTIFF.
+    /// The format of a file with these first bytes; None for others. TIFF includes BigTIFF, NetCDF
+    /// every HDF5.
     pub fn of(bytes: &[u8]) -> Option<Self> {
         match bytes {
             [0x76, 0x2f, 0x31, 0x01, ..] => Some(Self::Exr),
             [0x89, b'P', b'N', b'G', ..] => Some(Self::Png),
             [b'I', b'I', 42 | 43, 0, ..] | [b'M', b'M', 0, 42 | 43, ..] => Some(Self::Tiff),
             [0x89, b'L', b'F', b'V', ..] => Some(Self::Lfv),
+            [b'C', b'D', b'F', ..] | [0x89, b'H', b'D', b'F', ..] => Some(Self::NetCdf),
             [0x1f, 0x8b, ..] => Some(Self::Gzip),
             [b'P', b'K', 3, 4, ..] => Some(Self::Zip),
             _ => None,
@@ -70,6 +73,7 @@ impl Signature {
             Self::Png => "a PNG",
             Self::Tiff => "a TIFF",
             Self::Lfv => "a .lfv",
+            Self::NetCdf => "a NetCDF",
             Self::Gzip => "a gzip file",
             Self::Zip => "a zip file",
         }

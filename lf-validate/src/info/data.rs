@@ -89,7 +89,7 @@ pub fn volume(
 /// Describes a vector field. Its statistics are of the vectors that are measured or replaced.
 pub fn field(field: &Field) -> Description {
     let layout = &field.layout;
-    let mut about = Description::new("vector field (.exr)");
+    let mut about = Description::new("vector field (.exr, .nc)");
     about.line(frame::KEY, frame::MARK);
     let [nx, ny, nz] = layout.shape;
     let total = field.flag.len();

@@ -4,14 +4,14 @@ use lf_core::{Refusal, io::Signature};
 
 /// The kinds that are described.
 pub(super) const WANTED: &str =
-    "wanted a .lfv, EXR, TIFF, PNG, .vti, SVG, or a JSON, JSON Lines or CSV that a tool reads or writes";
+    "wanted a .lfv, EXR, TIFF, PNG, .nc, .vti, SVG, or a JSON, JSON Lines or CSV that a tool reads or writes";
 
 /// A kind of content.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum FileKind {
     /// `.lfv`.
     Volume,
-    /// EXR with a vector field.
+    /// EXR or NetCDF with a vector field.
     Field,
     /// EXR, TIFF or PNG.
     Image,
@@ -35,6 +35,7 @@ impl FileKind {
         match Signature::of(bytes) {
             Some(Signature::Exr) if exr_has(bytes, b"lf:field") => return Ok(Self::Field),
             Some(Signature::Exr | Signature::Tiff | Signature::Png) => return Ok(Self::Image),
+            Some(Signature::NetCdf) => return Ok(Self::Field),
             Some(Signature::Lfv) => return Ok(Self::Volume),
             _ => {}
         }
