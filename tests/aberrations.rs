@@ -61,7 +61,7 @@ fn modelled(camera: &Camera, place_mm: [f64; 3]) -> [Array2<f32>; 2] {
     let pixel_mm = camera.pixel_in_focus_mm();
     let [mut fitted, mut weighed] = [(); 2].map(|()| Array2::zeros((camera.sensor.height, camera.sensor.width)));
     let model = ParticleModel::new(camera, SIGMA_PX * pixel_mm, [-6.0, 6.0]).unwrap();
-    model.visit_light(place_mm, &mut Scratch::default(), |patch, pixels| {
+    model.visit_light(place_mm, 1.0, &mut Scratch::default(), |patch, pixels| {
         for (n, pixel) in pixels.iter().enumerate() {
             let (across, down) = (n % patch.columns as usize, n / patch.columns as usize);
             fitted[[patch.row as usize + down, patch.column as usize + across]] += pixel[0] as f32;

@@ -129,12 +129,18 @@ impl ParticleModel {
         (on_array + picture) / self.view.optics.pixel_pitch_mm + blur_px + 2.0
     }
 
-    /// Calls `found(patch, pixels)` for the lenslets that a particle at `place_mm` lights. The pixels of a patch come
-    /// row by row; each holds the share of the particle's light and its derivatives: see [`QUANTITIES`]. A pixel may
-    /// come in several patches: its share is the sum.
+    /// Calls `found(patch, pixels)` for the lenslets that a particle at `place_mm` lights. `size` is its standard
+    /// deviation over that of the model. The pixels of a patch come row by row; each holds the share of the particle's
+    /// light and its derivatives: see [`QUANTITIES`]. A pixel may come in several patches: its share is the sum.
     #[inline(always)]
-    pub fn visit(&self, place_mm: [f64; 3], scratch: &mut Scratch, found: impl FnMut(Patch, &[[f64; QUANTITIES]])) {
-        self.visit_all::<QUANTITIES>(place_mm, scratch, found);
+    pub fn visit(
+        &self,
+        place_mm: [f64; 3],
+        size: f64,
+        scratch: &mut Scratch,
+        found: impl FnMut(Patch, &[[f64; QUANTITIES]]),
+    ) {
+        self.visit_all::<QUANTITIES>(place_mm, size, scratch, found);
     }
 
     /// Like [`Self::visit`], but with the first [`PLACES`] quantities only, in less time. The derivative by z leaves
@@ -143,10 +149,11 @@ impl ParticleModel {
     pub fn visit_places(
         &self,
         place_mm: [f64; 3],
+        size: f64,
         scratch: &mut Scratch,
         found: impl FnMut(Patch, &[[f64; QUANTITIES]]),
     ) {
-        self.visit_all::<PLACES>(place_mm, scratch, found);
+        self.visit_all::<PLACES>(place_mm, size, scratch, found);
     }
 
     /// Like [`Self::visit`], but with the share of light only: the other quantities are 0.
@@ -154,24 +161,29 @@ impl ParticleModel {
     pub fn visit_light(
         &self,
         place_mm: [f64; 3],
+        size: f64,
         scratch: &mut Scratch,
         found: impl FnMut(Patch, &[[f64; QUANTITIES]]),
     ) {
-        self.visit_all::<LIGHT>(place_mm, scratch, found);
+        self.visit_all::<LIGHT>(place_mm, size, scratch, found);
     }
 
     #[inline(always)]
     fn visit_all<const N: usize>(
         &self,
         place_mm: [f64; 3],
+        size: f64,
         scratch: &mut Scratch,
         found: impl FnMut(Patch, &[[f64; QUANTITIES]]),
     ) {
         let beam = self.tracer.beam(&self.view.optics, place_mm);
-        let spot_mm = (self.sigma_mm * beam.beta).max(LEAST_SPOT_PX * self.view.optics.pixel_pitch_mm);
+        let sigma_mm = size * self.sigma_mm;
+        let spot_mm = (sigma_mm * beam.beta).max(LEAST_SPOT_PX * self.view.optics.pixel_pitch_mm);
         match &self.surfaces {
-            Surfaces::Any(ladder) => self.visit_lenslets::<_, N>(&beam, ladder, spot_mm, scratch, found),
-            Surfaces::Rectangle(ladder) => self.visit_lenslets::<_, N>(&beam, ladder, spot_mm, scratch, found),
+            Surfaces::Any(ladder) => self.visit_lenslets::<_, N>(&beam, ladder, [sigma_mm, spot_mm], scratch, found),
+            Surfaces::Rectangle(ladder) => {
+                self.visit_lenslets::<_, N>(&beam, ladder, [sigma_mm, spot_mm], scratch, found)
+            }
         }
     }
 
@@ -180,7 +192,7 @@ impl ParticleModel {
         &self,
         beam: &Beam,
         ladder: &Ladder<T>,
-        spot_mm: f64,
+        [sigma_mm, spot_mm]: [f64; 2],
         scratch: &mut Scratch,
         mut found: impl FnMut(Patch, &[[f64; QUANTITIES]]),
     ) {
@@ -204,7 +216,7 @@ impl ParticleModel {
                 (None, None) => image.integrate::<N>(line, by_shift, scratch),
             };
             if let Some(patch) = patch {
-                to_place::<N>(beam, self.sigma_mm, scratch.pixels_mut());
+                to_place::<N>(beam, sigma_mm, scratch.pixels_mut());
                 found(patch, scratch.pixels());
             }
         }

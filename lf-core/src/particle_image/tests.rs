@@ -14,7 +14,7 @@ type Pixels = BTreeMap<(u32, u32), [f64; QUANTITIES]>;
 
 fn image(model: &ParticleModel, place: [f64; 3]) -> Pixels {
     let mut map = Pixels::new();
-    model.visit(place, &mut Scratch::default(), |patch, pixels| {
+    model.visit(place, 1.0, &mut Scratch::default(), |patch, pixels| {
         assert_eq!(pixels.len(), (patch.columns * patch.rows) as usize);
         for (n, pixel) in pixels.iter().enumerate() {
             let n = n as u32;
@@ -368,7 +368,7 @@ fn light_alone_is_the_same_light() {
         let model = ParticleModel::new(&camera, SIGMA_MM, DEPTH_MM).unwrap();
         for place in PLACES {
             let mut alone = Pixels::new();
-            model.visit_light(place, &mut Scratch::default(), |patch, pixels| {
+            model.visit_light(place, 1.0, &mut Scratch::default(), |patch, pixels| {
                 for (n, pixel) in pixels.iter().enumerate() {
                     let n = n as u32;
                     let at = (patch.column + n % patch.columns, patch.row + n / patch.columns);

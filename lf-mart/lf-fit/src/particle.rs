@@ -1,12 +1,21 @@
 //! A particle of the fit.
 
-/// A particle: its place and light. All particles have the size of the model.
+/// A particle: its place, light and size.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Particle {
     /// Centre, mm.
     pub place_mm: [f64; 3],
     /// Light that it sends through the stop, counts.
     pub light: f64,
+    /// Logarithm of its size over that of the model: 0 where the image shows no difference.
+    pub log_size: f64,
+}
+
+impl Particle {
+    /// A particle of the model's size.
+    pub fn new(place_mm: [f64; 3], light: f64) -> Self {
+        Self { place_mm, light, log_size: 0.0 }
+    }
 }
 
 /// A particle with its uncertainties, as the fit gives it.

@@ -84,6 +84,8 @@ pub struct Fit<'a> {
     pub residual: Residual,
     /// The stated variances are this much larger than those of noise alone.
     pub excess: f64,
+    /// Standard deviation of the logarithm of the particles' sizes; 0 if all may be of one size.
+    pub size_spread: f64,
     /// Number of particles near focus whose uncertainty sideways is that of a lenslet.
     pub untold: usize,
     /// Doubts of the model that arose on the way.
@@ -183,8 +185,10 @@ pub fn fit<'a>(
         return Ok(alone.remove(0));
     }
     let particles = start_together(alone)?;
-    let held =
-        FitOptions { free: Free { size: false, drift: false, blur: false, camera: false, ..options.free }, ..*options };
+    let held = FitOptions {
+        free: Free { size: false, sizes: false, drift: false, blur: false, camera: false, ..options.free },
+        ..*options
+    };
     Stages::new(particles, None, &held, &TOGETHER, &mut on_step).run().map_err(|refusal| (0, refusal))
 }
 
@@ -311,6 +315,7 @@ impl<'a, 'o> Stages<'a, 'o> {
             self.find_noise();
             self.align();
             self.report(name, changes);
+            self.fit_sizes();
             // Particles that were missing may have kept the first fit of the shape from its end.
             if round == 0 && !self.is_settled {
                 self.fit_shape()?;
@@ -330,6 +335,7 @@ impl<'a, 'o> Stages<'a, 'o> {
             }
         }
         self.fit_shape()?;
+        self.fit_sizes();
         if self.is_stale {
             self.fit("fit", ROUND_STEPS);
         }
@@ -417,6 +423,15 @@ impl<'a, 'o> Stages<'a, 'o> {
         let gain = self.particles.sweep(StopRule { steps, gain: SWEEP_GAIN });
         self.is_stale = false;
         self.report(what, Changes { gain, ..Changes::default() });
+    }
+
+    /// Fits sizes of the particles' own, where they differ.
+    fn fit_sizes(&mut self) {
+        if self.free.sizes && self.is_alone() && self.particles.fit_sizes(self.prior) {
+            self.particles.render();
+            self.is_stale = true;
+            self.report("sizes", Changes::default());
+        }
     }
 
     /// Fits the shape of the first camera.
@@ -596,6 +611,7 @@ impl<'a, 'o> Stages<'a, 'o> {
             misfit,
             residual,
             excess,
+            size_spread: self.particles.size_spread.map_or(0.0, |spread| spread.std()),
             untold,
             doubts: self.doubts,
         })

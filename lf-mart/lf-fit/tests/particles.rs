@@ -79,12 +79,35 @@ fn particles_of_a_scene_are_found_to_their_stated_uncertainty() {
         assert!(known.len() > truth.len() / 2 && (0.5..0.9).contains(&within), "{within} of {}", known.len());
         let stats = bench.json("stats.json");
         assert!((stats["counts"]["size_px"].as_f64().unwrap() - 0.75).abs() < 0.02, "{stats}");
+        assert_eq!(stats["counts"]["size_spread"], 0.0);
         assert_eq!(bench.text("log.jsonl").lines().next().unwrap().chars().next(), Some('{'));
         let drawn = Volume::open(&bench.path("drawn.lfv")).unwrap();
         let light: f64 = drawn.column("intensity").unwrap().iter().map(|value| f64::from(*value)).sum();
         let all: f64 = found.iter().map(|particle| particle.intensity).sum();
         assert!((light / all - 1.0).abs() < 0.02, "{light} of {all}");
     }
+}
+
+/// Particles that differ in size by a fifth: with one size for all, light is left over and becomes ghosts.
+#[test]
+fn sizes_that_differ_are_found_and_make_no_ghosts() {
+    let blur = "camera.blur={\"wavelength_nm\": 532, \"sigma_px\": 0.3}";
+    let noise = "sensor_noise={\"photon_noise\": true}";
+    let bench = bench(&[blur, noise, "particles.rays=400000", "particles.size_spread=0.2"]);
+    let call = format!("{CALL} --particles found.csv --stats stats.json");
+    let truth = table(&bench, "scene/particles.csv");
+    let found = |words: &str| {
+        bench.done(&format!("{call} {words}"));
+        let found = table(&bench, "found.csv");
+        let spread = bench.json("stats.json")["counts"]["size_spread"].as_f64().unwrap();
+        let share = |count: usize| count as f64 / truth.len() as f64;
+        (share(matched(&truth, &found).len()), share(found.len()), spread)
+    };
+    let (recall, count, spread) = found("");
+    assert!(recall >= 0.97 && count <= 1.02, "{recall} {count}");
+    assert!((spread - 0.2).abs() < 0.1, "{spread}");
+    let (recall, _, spread) = found("--hold sizes");
+    assert!(recall < 0.95 && spread == 0.0, "{recall} {spread}");
 }
 
 /// The lattice of the camera is off by a fifth of a pixel: the fit finds it, says so and writes the right camera.

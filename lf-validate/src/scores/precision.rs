@@ -228,7 +228,7 @@ fn sample(
 /// Light and its derivatives by place, 1/mm, by rising pixel.
 fn image(model: &ParticleModel, place: DVec3, width: usize, scratch: &mut Scratch) -> Pixels {
     let mut sums: HashMap<u32, [f64; UNKNOWNS]> = HashMap::new();
-    model.visit(place.to_array(), scratch, |patch, pixels| {
+    model.visit(place.to_array(), 1.0, scratch, |patch, pixels| {
         for (n, [light, x, y, z, ..]) in pixels.iter().enumerate() {
             let n = n as u32;
             let (column, row) = (patch.column + n % patch.columns, patch.row + n / patch.columns);

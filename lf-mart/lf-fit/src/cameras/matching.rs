@@ -18,6 +18,7 @@ const MODEL_PX: f64 = 0.05;
 pub(crate) struct Placed {
     place: DVec3,
     light: f64,
+    log_size: f64,
     covariance: DMat3,
 }
 
@@ -28,7 +29,8 @@ pub(crate) fn placed(found: &[FoundParticle], pose: &Pose) -> Vec<Placed> {
         let [xx, xy, xz, yy, yz, zz] = found.covariance_mm2;
         let covariance = DMat3::from_cols_array(&[xx, xy, xz, xy, yy, yz, xz, yz, zz]);
         let place = DVec3::from(pose.to_common(found.particle.place_mm));
-        Placed { place, light: found.particle.light, covariance: back * covariance * back.transpose() }
+        let Particle { light, log_size, .. } = found.particle;
+        Placed { place, light, log_size, covariance: back * covariance * back.transpose() }
     };
     found.iter().map(one).collect()
 }
@@ -85,9 +87,14 @@ pub(crate) fn merge(list: &mut Vec<Placed>, other: &[Placed], pixel_mm: f64) -> 
     Some(Shared { light, pairs: pairs.len() })
 }
 
-/// Their places and lights.
+/// The particles themselves.
 pub(crate) fn particles(list: &[Placed]) -> Vec<Particle> {
-    list.iter().map(|placed| Particle { place_mm: placed.place.to_array(), light: placed.light }).collect()
+    let particle = |placed: &Placed| Particle {
+        place_mm: placed.place.to_array(),
+        light: placed.light,
+        log_size: placed.log_size,
+    };
+    list.iter().map(particle).collect()
 }
 
 #[cfg(test)]
@@ -100,7 +107,7 @@ mod tests {
         let pose =
             Pose { rotation: [[0.0, 0.0, -1.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]], translation_mm: [0.0, 0.1, 0.0] };
         let found = |place_mm: [f64; 3], light: f64| FoundParticle {
-            particle: Particle { place_mm, light },
+            particle: Particle::new(place_mm, light),
             covariance_mm2: [1e-8, 0.0, 0.0, 1e-8, 0.0, 1e-2],
             light_std: 1.0,
         };

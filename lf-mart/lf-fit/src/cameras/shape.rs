@@ -40,6 +40,8 @@ pub struct Shape {
 pub struct Free {
     /// The size.
     pub size: bool,
+    /// Sizes of the particles' own, where they differ.
+    pub sizes: bool,
     /// The drift.
     pub drift: bool,
     /// The blur, of a camera that has one or whose image shows one.

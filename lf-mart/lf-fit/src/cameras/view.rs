@@ -121,7 +121,7 @@ impl<'a> CameraView<'a> {
 
     /// A particle in the frame of this camera, with the light that it sends there.
     pub(crate) fn seen(&self, particle: &Particle) -> Particle {
-        Particle { place_mm: self.pose.to_camera(particle.place_mm), light: self.light * particle.light }
+        Particle { place_mm: self.pose.to_camera(particle.place_mm), light: self.light * particle.light, ..*particle }
     }
 
     /// The image as the fit explains it, counts; blind pixels have light too.
@@ -322,7 +322,7 @@ pub(crate) mod tests {
         let posed = view(&sights[1], Pose { rotation, translation_mm: [0.1, -0.2, 0.3] }, 0.5);
         let cameras = Cameras { views: vec![view(&sights[0], Pose::default(), 1.0), posed] };
         let window = whole(&cameras);
-        let particle = Particle { place_mm: [0.21, -0.13, 0.9], light: 1e5 };
+        let particle = Particle::new([0.21, -0.13, 0.9], 1e5);
         let found = numbers(&cameras, &particle, &window);
         let own = |lines: &[[f64; UNKNOWNS]], camera: usize| -> f64 {
             (0..lines.len()).filter(|n| window.camera_of(*n) == camera).map(|n| lines[n][COUNTS]).sum()
@@ -355,7 +355,7 @@ pub(crate) mod tests {
         let cameras = Cameras { views: vec![view(&sight, Pose::default(), 1.0), view(&sight, Pose::default(), 1.0)] };
         assert!(cameras.first().rotation().is_none());
         let window = whole(&cameras);
-        let found = numbers(&cameras, &Particle { place_mm: [0.1, -0.05, 0.7], light: 1e5 }, &window);
+        let found = numbers(&cameras, &Particle::new([0.1, -0.05, 0.7], 1e5), &window);
         assert!(found[..found.len() / 2] == found[found.len() / 2..]);
     }
 }

@@ -99,8 +99,10 @@ pub struct Arguments {
 /// A part of the shape that is held.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum Hold {
-    /// The size of particles
+    /// The usual size of particles
     Size,
+    /// Sizes that differ from the usual one
+    Sizes,
     /// The drift of the lattice
     Drift,
     /// The blur of the sensor
@@ -152,6 +154,7 @@ impl Arguments {
             shape: Shape { sigma_px: self.size, drift_px: [0.0; 2], blur_px: None, lens_px: Default::default() },
             free: Free {
                 size: is_free(Hold::Size),
+                sizes: is_free(Hold::Sizes),
                 drift: is_free(Hold::Drift),
                 blur: is_free(Hold::Blur),
                 camera: is_free(Hold::Camera),

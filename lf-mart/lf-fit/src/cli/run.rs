@@ -196,6 +196,7 @@ fn report(arguments: &Arguments, found: &Fit, session: &mut Session) {
     warn_of_model(found, session);
     session.count("particles", found.particles.len());
     session.count("untold", found.untold);
+    session.count("size_spread", found.size_spread);
     session.count("chi2", found.misfit);
     session.count("residual_correlation", found.residual.beside);
     for (name, value) in statistics(&found.cameras[0]).as_object().into_iter().flatten() {
@@ -292,6 +293,6 @@ fn row(frame: usize, id: usize, found: &FoundParticle) -> particles::Particle {
     let [xx, xy, xz, yy, yz, zz] = found.covariance_mm2;
     let covariance_mm2 = DMat3::from_cols_array(&[xx, xy, xz, xy, yy, yz, xz, yz, zz]);
     let uncertainty = Some(Uncertainty { covariance_mm2, intensity: found.light_std });
-    let Particle { place_mm, light } = found.particle;
+    let Particle { place_mm, light, .. } = found.particle;
     particles::Particle { frame, id: id as u64, place_mm, intensity: light, uncertainty }
 }

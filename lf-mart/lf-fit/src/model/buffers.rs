@@ -14,6 +14,8 @@ pub(crate) struct FitBuffers {
     pub(crate) weight: Vec<f32>,
     /// Weights times the difference of seen and expected counts.
     pub(crate) residual: Vec<f32>,
+    /// Derivative of a particle's light by its size; 0 between uses.
+    pub(crate) by_size: Vec<f32>,
     /// Particles by pixel, and places of blocks, of normal equations.
     pub(crate) entries: Entries,
     pub(crate) slots: Vec<u32>,

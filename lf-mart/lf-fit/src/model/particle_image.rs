@@ -1,9 +1,10 @@
 //! The image of a particle on the sensors of all cameras, within a window, with the derivatives that the fit needs.
 
 use super::window::{Part, Window};
+use crate::cameras::shape::ANALYTIC;
 use crate::cameras::view::Cameras;
 use crate::particle::Particle;
-use lf_core::particle_image::{Patch, QUANTITIES, Scratch};
+use lf_core::particle_image::{PLACES, Patch, QUANTITIES, Scratch};
 use lf_core::simd::fastest;
 
 /// Numbers of a pixel: the derivatives of its counts by x, y and z in pixels of the focal plane and by the logarithm of
@@ -11,6 +12,9 @@ use lf_core::simd::fastest;
 pub(crate) const UNKNOWNS: usize = 4;
 /// The counts among the numbers of a pixel.
 pub(crate) const COUNTS: usize = 3;
+
+/// A pixel of the window, and the derivatives of its counts by the size, drift and blur that particles share.
+pub(crate) type Slopes = (u32, [f32; ANALYTIC]);
 
 /// Pixels of one lenslet.
 #[derive(Debug, Clone, Copy)]
@@ -87,16 +91,17 @@ impl ParticleImage {
             if part.rows == 0 || part.columns == 0 {
                 continue;
             }
-            let Particle { place_mm, light } = view.seen(particle);
+            let Particle { place_mm, light, log_size } = view.seen(particle);
+            let size = log_size.exp();
             let rotation = view.rotation();
             let target = Target { part, row: window.columns, light, length: light * cameras.pixel_mm(), rotation };
             let mut take = |patch: Patch, pixels: &[[f64; QUANTITIES]]| image.take(&target, patch, pixels);
             fastest(
                 #[inline(always)]
                 || match &mut quantities {
-                    Quantities::Light => view.model.visit_light(place_mm, scratch, take),
-                    Quantities::Places => view.model.visit_places(place_mm, scratch, take),
-                    Quantities::All(each) => view.model.visit(place_mm, scratch, |patch, pixels| {
+                    Quantities::Light => view.model.visit_light(place_mm, size, scratch, take),
+                    Quantities::Places => view.model.visit_places(place_mm, size, scratch, take),
+                    Quantities::All(each) => view.model.visit(place_mm, size, scratch, |patch, pixels| {
                         take(patch, pixels);
                         each(patch, pixels);
                     }),
@@ -107,6 +112,33 @@ impl ParticleImage {
         image.blocks.shrink_to_fit();
         image.pixels.shrink_to_fit();
         image
+    }
+
+    /// Renders a particle in the only camera, with the derivatives by what particles share.
+    pub(crate) fn with_slopes(
+        cameras: &Cameras,
+        particle: &Particle,
+        window: &Window,
+        scratch: &mut Scratch,
+    ) -> (Self, Vec<Slopes>) {
+        let Part { left, top, columns, rows, .. } = window.parts[0];
+        let view = cameras.first();
+        let mut scale = view.shape.scales(view.camera).map(|scale| particle.light * scale);
+        // A particle that is larger than others grows more with the size of all.
+        scale[0] *= particle.log_size.exp();
+        let mut slopes = Vec::new();
+        let mut take = |patch: Patch, pixels: &[[f64; QUANTITIES]]| {
+            for (n, pixel) in pixels.iter().enumerate() {
+                let column = patch.column as usize + n % patch.columns as usize;
+                let row = patch.row as usize + n / patch.columns as usize;
+                if (left..left + columns).contains(&column) && (top..top + rows).contains(&row) {
+                    let at = (row - top) * columns + column - left;
+                    slopes.push((at as u32, std::array::from_fn(|k| (scale[k] * pixel[PLACES + k]) as f32)));
+                }
+            }
+        };
+        let image = Self::render(cameras, particle, window, scratch, Quantities::All(&mut take));
+        (image, slopes)
     }
 
     /// Whether the pixels of a lenslet have so little light that they are left out.

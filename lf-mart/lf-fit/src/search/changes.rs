@@ -232,7 +232,7 @@ impl TileFit<'_, '_> {
         for half in HALVES {
             let moved = |sign: f64| {
                 let place_mm = std::array::from_fn(|k| particle.place_mm[k] + sign * px * half[k]);
-                Particle { place_mm, light: 0.5 * particle.light }
+                Particle { place_mm, light: 0.5 * particle.light, ..particle }
             };
             let mut particles = vec![moved(1.0)];
             particles.extend(self.particles(&others));

@@ -4,5 +4,6 @@
 pub mod changes;
 pub mod ends;
 pub mod particles;
+pub mod sizes;
 pub mod tile_fit;
 pub mod tiles;

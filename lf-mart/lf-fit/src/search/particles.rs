@@ -7,6 +7,7 @@ use crate::model::particle_image::{COUNTS, ParticleImage};
 use crate::model::window::Window;
 use crate::particle::Particle;
 use crate::solve::joint::StopRule;
+use crate::solve::size::SizeSpread;
 use lf_core::Refusal;
 use lf_core::particle_image::{ParticleModel, Scratch};
 use lf_core::statistics::upper_median;
@@ -53,6 +54,8 @@ pub(crate) struct Particles<'a> {
     pub(crate) beside_px: f64,
     /// Largest distance of a lit pixel from the particle's chief ray, pixels.
     pub(crate) reach_px: usize,
+    /// How the sizes of particles spread; None if all may be of one size.
+    pub(crate) size_spread: Option<SizeSpread>,
 }
 
 /// Tiles that are rendered before their light is added up; bounds the memory.
@@ -60,7 +63,7 @@ pub(crate) const AT_ONCE: usize = 16;
 /// A change wakes particles within this number of lenslets.
 const WAKES: f64 = 2.0;
 /// Particles may grow to this many times their first size.
-const GROWTH: f64 = 2.0;
+const GROWTH: f64 = 3.0;
 /// Smallest factor by which a round of sharing changes the light.
 const LEAST_FACTOR: f64 = 1e-6;
 
@@ -75,8 +78,9 @@ impl<'a> Particles<'a> {
     pub(crate) fn new(cameras: Cameras<'a>, list: Vec<Particle>) -> Result<Self, Refusal> {
         let reach_px = reach_px(cameras.first())?;
         let beside_px = WAKES * cameras.first().camera.pitch_px();
+        let (is_whole, is_awake) = (Vec::new(), Vec::new());
         let mut particles =
-            Self { cameras, list: Vec::new(), is_whole: Vec::new(), is_awake: Vec::new(), beside_px, reach_px };
+            Self { cameras, list: Vec::new(), is_whole, is_awake, beside_px, reach_px, size_spread: None };
         particles.set(list);
         Ok(particles)
     }

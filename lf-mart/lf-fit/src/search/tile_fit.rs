@@ -10,6 +10,7 @@ use crate::particle::{FoundParticle, Particle};
 use crate::solve::covariance::{Prior, covariance};
 use crate::solve::joint::{Fitted, StopRule};
 use crate::solve::normal::Normal;
+use crate::solve::size::{SizeEquation, SizeSpread, SizeSums};
 use rayon::prelude::*;
 
 /// A particle that the tile's work may change.
@@ -214,16 +215,51 @@ impl<'a, 'b> TileFit<'a, 'b> {
         aside: f64,
         prior: Prior,
     ) -> [[f64; UNKNOWNS]; UNKNOWNS] {
+        covariance(&equations.normal, &self.chosen(equations, n, aside), prior)
+    }
+
+    /// Places of a member and of its neighbours within `aside` pixels in the equations, its own first.
+    fn chosen(&self, equations: &Equations, n: usize, aside: f64) -> Vec<usize> {
         let mut chosen = self.near(self.members[n].particle.place_mm, aside);
         chosen.retain(|other| *other != n);
         chosen.insert(0, n);
-        let places: Vec<usize> = chosen.iter().filter_map(|n| equations.members.binary_search(n).ok()).collect();
-        covariance(&equations.normal, &places, prior)
+        chosen.iter().filter_map(|n| equations.members.binary_search(n).ok()).collect()
+    }
+
+    /// The equation of a member's size.
+    pub(crate) fn size_equation(&mut self, equations: &Equations, n: usize, prior: Prior) -> SizeEquation {
+        let chosen = self.chosen(equations, n, NEIGHBOURS_PX);
+        let FitBuffers { scratch, by_size, weight, residual, .. } = &mut *self.buffers;
+        let (_, slopes) = ParticleImage::with_slopes(self.cameras, &self.members[n].particle, self.window, scratch);
+        // A pixel may come more than once.
+        by_size.resize(by_size.len().max(self.window.seen.len()), 0.0);
+        slopes.iter().for_each(|(at, slopes)| by_size[*at as usize] += slopes[0]);
+        let sigma_px = self.cameras.first().shape.sigma_px;
+        let mut sums = SizeSums { right: 0.0, square: 0.0, mixed: Vec::with_capacity(UNKNOWNS * chosen.len()) };
+        for (at, slopes) in &slopes {
+            let (at, slope) = (*at as usize, sigma_px * f64::from(slopes[0]));
+            sums.square += slope * sigma_px * f64::from(weight[at] * by_size[at]);
+            sums.right += slope * f64::from(residual[at]);
+        }
+        for place in &chosen {
+            let mut mixed = [0.0; UNKNOWNS];
+            self.members[equations.members[*place]].image.pixels(self.window.columns, |at, pixel| {
+                let weighed = weight[at] * by_size[at];
+                (0..UNKNOWNS).for_each(|k| mixed[k] += f64::from(weighed * pixel[k]));
+            });
+            sums.mixed.extend(mixed.map(|sum| sigma_px * sum));
+        }
+        slopes.iter().for_each(|(at, _)| by_size[*at as usize] = 0.0);
+        SizeEquation::new(sums, &equations.normal, &chosen, prior)
     }
 
     /// A member with its uncertainties.
-    fn found(&self, equations: &Equations, n: usize, prior: Prior) -> FoundParticle {
-        let covariance = self.covariance(equations, n, NEIGHBOURS_PX, prior);
+    fn found(&mut self, equations: &Equations, n: usize, sizes: Option<SizeSpread>, prior: Prior) -> FoundParticle {
+        let mut covariance = self.covariance(equations, n, NEIGHBOURS_PX, prior);
+        if let Some(spread) = sizes {
+            let more = self.size_equation(equations, n, prior).covariance(spread);
+            covariance.iter_mut().flatten().zip(more.iter().flatten()).for_each(|(sum, more)| *sum += more);
+        }
         let particle = self.members[n].particle;
         let square = self.cameras.pixel_mm() * self.cameras.pixel_mm();
         let at = |a: usize, b: usize| square * 0.5 * (covariance[a][b] + covariance[b][a]);
@@ -274,8 +310,8 @@ impl Particles<'_> {
                 let members = Members { tiles: &tiles, lists: &members, own };
                 let mut tile = TileFit::new(self, &mut window, &tiles[own], members, buffers);
                 let equations = tile.equations((0..tile.members.len()).collect());
-                let own = (0..tile.members.len()).filter(|n| tile.members[*n].is_own);
-                own.map(|n| tile.found(&equations, n, prior)).collect()
+                let own: Vec<usize> = (0..tile.members.len()).filter(|n| tile.members[*n].is_own).collect();
+                own.into_iter().map(|n| tile.found(&equations, n, self.size_spread, prior)).collect()
             })
             .collect();
         found.concat()

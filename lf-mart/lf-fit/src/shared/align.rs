@@ -211,7 +211,7 @@ mod tests {
             let part = |by: f64| (n as f64 * by).fract() - 0.5;
             [0.9 * part(0.618_034), 0.9 * part(0.754_878), 1.6 * part(0.569_840)]
         };
-        let list: Vec<Particle> = (0..40).map(|n| Particle { place_mm: place(n), light: 1e5 }).collect();
+        let list: Vec<Particle> = (0..40).map(|n| Particle::new(place(n), 1e5)).collect();
         let mut rendered = particles(&sights[0], &truth, &list);
         rendered.render();
         let images =

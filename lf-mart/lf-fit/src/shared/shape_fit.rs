@@ -4,14 +4,14 @@
 use crate::cameras::shape::{ANALYTIC, Free, SHAPES, Shape};
 use crate::cameras::view::Cameras;
 use crate::model::buffers::FitBuffers;
-use crate::model::particle_image::{ParticleImage, Quantities, UNKNOWNS};
-use crate::model::window::{Part, Window};
+use crate::model::particle_image::{ParticleImage, Slopes, UNKNOWNS};
+use crate::model::window::Window;
 use crate::particle::Particle;
 use crate::solve::joint::{DAMPING, LEAST_DAMPING, LESS, MORE};
 use crate::solve::normal::{DEEP, Normal, cholesky, conjugate_gradients, dot};
 use lf_core::Refusal;
 use lf_core::linear::{inverse_column, solve};
-use lf_core::particle_image::{PLACES, Patch, QUANTITIES, Scratch};
+use lf_core::particle_image::Scratch;
 use rayon::prelude::*;
 
 /// Particles that are rendered before their derivatives are added up; bounds the memory.
@@ -166,7 +166,9 @@ impl<'a> Sample<'a> {
         for particles in self.particles.chunks(AT_ONCE) {
             let rendered: Vec<(ParticleImage, Vec<Slopes>)> = particles
                 .par_iter()
-                .map_init(Scratch::default, |scratch, particle| self.render(cameras, particle, scratch))
+                .map_init(Scratch::default, |scratch, particle| {
+                    ParticleImage::with_slopes(cameras, particle, &self.window, scratch)
+                })
                 .collect();
             for (image, pixels) in rendered {
                 for (n, slopes) in pixels {
@@ -211,25 +213,6 @@ impl<'a> Sample<'a> {
             images.iter().for_each(|image| image.add_to(&mut light, self.window.columns, 1.0));
         }
         light
-    }
-
-    /// The image of a particle, and the derivatives of its counts by the shape, by pixel of the window.
-    fn render(&self, cameras: &Cameras, particle: &Particle, scratch: &mut Scratch) -> (ParticleImage, Vec<Slopes>) {
-        let Part { left, top, columns, rows, .. } = self.window.parts[0];
-        let scale = cameras.first().shape.scales(cameras.first().camera).map(|scale| particle.light * scale);
-        let mut slopes = Vec::new();
-        let mut take = |patch: Patch, pixels: &[[f64; QUANTITIES]]| {
-            for (n, pixel) in pixels.iter().enumerate() {
-                let column = patch.column as usize + n % patch.columns as usize;
-                let row = patch.row as usize + n / patch.columns as usize;
-                if (left..left + columns).contains(&column) && (top..top + rows).contains(&row) {
-                    let at = (row - top) * columns + column - left;
-                    slopes.push((at as u32, std::array::from_fn(|k| (scale[k] * pixel[PLACES + k]) as f32)));
-                }
-            }
-        };
-        let image = ParticleImage::render(cameras, particle, &self.window, scratch, Quantities::All(&mut take));
-        (image, slopes)
     }
 
     /// The step of the shape and those of the particles.
@@ -342,9 +325,6 @@ fn solved(
     solve(&system, &mut step);
     (system, step)
 }
-
-/// A pixel of the window, and the derivatives of its counts by the shape.
-type Slopes = (u32, [f32; ANALYTIC]);
 
 impl Equations {
     /// The fall of the squares that the free unknowns foresee.

@@ -142,23 +142,23 @@ impl Cameras<'_> {
 
     /// Fills weights and residuals at the painted pixels of a window that lacks the light of the images.
     pub(crate) fn weigh(&self, window: &Window, buffers: &mut FitBuffers) {
+        self.weigh_with(window, buffers, |n, own| window.light[n] + own);
+    }
+
+    /// Fills weights and residuals at the painted pixels of a window that holds all light.
+    pub(crate) fn weigh_whole(&self, window: &Window, buffers: &mut FitBuffers) {
+        self.weigh_with(window, buffers, |n, _| window.light[n]);
+    }
+
+    #[inline(always)]
+    fn weigh_with(&self, window: &Window, buffers: &mut FitBuffers, expected: impl Fn(usize, f32) -> f32) {
         for n in &buffers.touched {
             let n = *n as usize;
-            let expected = window.light[n] + buffers.own[n];
+            let expected = expected(n, buffers.own[n]);
             let seen = window.seen[n];
             let weight = if seen.is_nan() { 0.0 } else { 1.0 / window.noise(self, n).variance(expected) };
             buffers.weight[n] = weight;
             buffers.residual[n] = if seen.is_nan() { 0.0 } else { weight * (seen - expected) };
-        }
-    }
-
-    /// Fills the weights at the painted pixels of a window that holds all light. Residuals are 0.
-    pub(crate) fn weigh_whole(&self, window: &Window, buffers: &mut FitBuffers) {
-        for n in &buffers.touched {
-            let n = *n as usize;
-            let seen = window.seen[n];
-            buffers.weight[n] = if seen.is_nan() { 0.0 } else { 1.0 / window.noise(self, n).variance(window.light[n]) };
-            buffers.residual[n] = 0.0;
         }
     }
 
@@ -284,6 +284,7 @@ impl Cameras<'_> {
         Particle {
             place_mm: [x + aside(step[0]), y + aside(step[1]), z.clamp(low, high)],
             light: particle.light * factor,
+            ..*particle
         }
     }
 }
@@ -349,7 +350,7 @@ mod tests {
         let cameras = Cameras { views };
         let mut window = whole(&cameras);
         let truth = [[0.0, 0.0, 0.5], [0.05, 0.04, 0.45], [-0.06, 0.1, -0.4]];
-        let truth = truth.map(|place_mm| Particle { place_mm, light: 1e5 });
+        let truth = truth.map(|place_mm| Particle::new(place_mm, 1e5));
         let clean = light(&cameras, &truth, &window);
         // Add numbers without a pattern, about as large as the noise.
         for (n, seen) in window.seen.iter_mut().enumerate() {

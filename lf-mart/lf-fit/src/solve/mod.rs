@@ -4,4 +4,5 @@
 pub mod covariance;
 pub mod joint;
 pub mod normal;
+pub mod size;
 pub mod untold;

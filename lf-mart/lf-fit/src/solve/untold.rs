@@ -50,7 +50,7 @@ mod tests {
         let particle = |z: f64, sigmas_px: [f64; 2]| {
             let [x, y] = sigmas_px.map(|sigma| (sigma * PIXEL_MM).powi(2));
             let covariance_mm2 = [x, 0.0, 0.0, y, 0.0, 1e-4];
-            FoundParticle { particle: Particle { place_mm: [0.1, 0.2, z], light: 1.0 }, covariance_mm2, light_std: 0.1 }
+            FoundParticle { particle: Particle::new([0.1, 0.2, z], 1.0), covariance_mm2, light_std: 0.1 }
         };
         // A depth of focus is 0.0055 x 4 mm. A lenslet of 14 px is uncertain by 14 / sqrt(12) px.
         let lenslet = 4.041;

@@ -75,7 +75,7 @@ pub(crate) fn maxima(grid: &Grid, indices: &[u64], intensity: &[f32]) -> Vec<Par
             let place_mm = std::array::from_fn(|axis| {
                 grid.origin_mm[axis] + grid.spacing_mm[axis] * (vox[axis] as f64 + moment[axis] / sum)
             });
-            particles.push(Particle { place_mm, light: sum });
+            particles.push(Particle::new(place_mm, sum));
         }
     }
     particles

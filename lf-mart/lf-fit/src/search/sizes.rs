@@ -1,0 +1,60 @@
+//! Sizes of particles that differ. A particle gets a size of its own as far as its light shows it; the spread of all
+//! sizes is the prior of each.
+
+use super::particles::{Members, Particles};
+use super::tile_fit::TileFit;
+use super::tiles::TilePlan;
+use crate::model::buffers::FitBuffers;
+use crate::model::window::Window;
+use crate::particle::Particle;
+use crate::solve::covariance::Prior;
+use crate::solve::size::{SizeEquation, SizeSpread};
+use rayon::prelude::*;
+
+/// A smaller step of a size, as a share of its uncertainty, wakes no particle.
+const ENOUGH: f64 = 0.2;
+
+impl Particles<'_> {
+    /// Gives each particle the size that its light and the sizes of all particles make likeliest, unless all may be of
+    /// one size. Returns whether a size has changed.
+    pub(crate) fn fit_sizes(&mut self, prior: Prior) -> bool {
+        let misfit = self.cameras.misfit().max(1.0);
+        let awake = std::mem::replace(&mut self.is_awake, vec![true; self.list.len()]);
+        let equations = self.size_equations(prior);
+        self.is_awake = awake;
+        let alone = |(n, equation): &(usize, SizeEquation)| equation.alone(self.list[*n].log_size, misfit);
+        self.size_spread = SizeSpread::of(&equations.iter().filter_map(alone).collect::<Vec<_>>());
+        let Some(spread) = self.size_spread else {
+            let had_sizes = self.list.iter().any(|particle| particle.log_size != 0.0);
+            self.list.iter_mut().for_each(|particle| particle.log_size = 0.0);
+            return had_sizes;
+        };
+        for (n, equation) in equations {
+            let before = self.list[n];
+            let (log_size, std, step) = equation.among(spread, before.log_size, misfit);
+            self.list[n] = Particle { log_size, ..self.cameras.moved(&before, &step) };
+            if (log_size - before.log_size).abs() > ENOUGH * std {
+                (self.is_awake[n], self.is_whole[n]) = (true, false);
+            }
+        }
+        true
+    }
+
+    /// The equations of all sizes, with the numbers of their particles.
+    fn size_equations(&self, prior: Prior) -> Vec<(usize, SizeEquation)> {
+        let TilePlan { tiles, windows, members, .. } = self.plan();
+        let found: Vec<Vec<(usize, SizeEquation)>> = (0..tiles.len())
+            .into_par_iter()
+            .map_init(FitBuffers::default, |buffers, own| {
+                let mut window = Window::cut(&self.cameras.views, &windows[own]);
+                let members = Members { tiles: &tiles, lists: &members, own };
+                let mut tile = TileFit::new(self, &mut window, &tiles[own], members, buffers);
+                let equations = tile.equations((0..tile.members.len()).collect());
+                let own: Vec<usize> = (0..tile.members.len()).filter(|n| tile.members[*n].is_own).collect();
+                let equation = |n: usize| Some((tile.members[n].number?, tile.size_equation(&equations, n, prior)));
+                own.into_iter().filter_map(equation).collect()
+            })
+            .collect();
+        found.concat()
+    }
+}
