@@ -300,19 +300,13 @@ impl Optics {
 
     /// See [`Camera::has_bent_rays`].
     #[inline]
-    pub(crate) fn bends_rays(&self) -> bool {
+    pub fn bends_rays(&self) -> bool {
         self.has_bent_rays
     }
 
     /// The aberrations; None without the block.
     pub(crate) fn aberrations(&self) -> Option<RayAberrations> {
         self.aberrations
-    }
-
-    /// Laplacian over the stop of the shift of rays by aberrations, 1/mm; None without the block. It is also the
-    /// gradient of the shift's divergence.
-    pub fn aberration_laplacian(&self, chief_mm: DVec2, aperture_mm: DVec2) -> Option<DVec2> {
-        self.aberrations.map(|aberrations| aberrations.laplacian(chief_mm, aperture_mm))
     }
 
     /// The microlens lattice.

@@ -60,7 +60,7 @@ pub fn light_sheet(camera: &Camera) -> Option<LightSheet> {
 fn shown(model: &ParticleModel, [x, y]: [f64; 2], z: f64) -> (f64, f64) {
     let mut fisher = [0.0; UNKNOWNS * UNKNOWNS];
     let mut peak = 0f64;
-    model.visit([x, y, z], &mut Scratch::default(), |_, pixels| {
+    model.visit([x, y, z], 1.0, &mut Scratch::default(), |_, pixels| {
         for [light, slopes @ ..] in pixels {
             peak = peak.max(*light);
             let unknowns = [*light, slopes[0], slopes[1], slopes[2]];

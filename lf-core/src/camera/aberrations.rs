@@ -53,12 +53,6 @@ impl RayAberrations {
         self.per_half * (both + each)
     }
 
-    /// Laplacian of the shift over the stop, 1/mm. Since shifts are a gradient, it is that of their divergence too.
-    pub(crate) fn laplacian(&self, chief_mm: DVec2, aperture_mm: DVec2) -> DVec2 {
-        let (u, h) = (self.per_half * aperture_mm, self.per_corner * chief_mm);
-        8.0 * self.per_half * self.per_half * (self.spherical_mm * u + self.coma_mm * h)
-    }
-
     /// Upper bound of the change of a shift, mm, by a mm of the field: at the corner, through the rim.
     pub(crate) fn by_field(&self) -> f64 {
         let second = self.astigmatism_mm.abs() + self.field_curvature_mm.abs();
@@ -140,11 +134,6 @@ mod tests {
         let by = |step: DVec2| (rays.shift_mm(chief, aperture + step) - rays.shift_mm(chief, aperture - step)) / 2e-3;
         let by_hand = DVec2::new(by(DVec2::X * 1e-3).x, by(DVec2::Y * 1e-3).y);
         assert!(rays.slope(chief, aperture).distance(by_hand) < 1e-9);
-        let bent = |way: DVec2| {
-            let shift = |step: DVec2| rays.shift_mm(chief, aperture + step);
-            shift(way) + shift(-way) - 2.0 * shift(DVec2::ZERO)
-        };
-        assert!(rays.laplacian(chief, aperture).distance(bent(DVec2::X) + bent(DVec2::Y)) < 1e-9);
     }
 
     #[test]
