@@ -95,8 +95,8 @@ impl<'a> PointView<'a> {
         self.middle_px(centre, self.aperture_mm(centre)).0
     }
 
-    /// Middle of the sub-image, px, under the lenslet at `centre` that is lit from `aperture`, and the part by which its
-    /// light changes from the middle of the cell to its side.
+    /// Middle of the sub-image, px, under the lenslet at `centre` that is lit from `aperture`, and the part by which
+    /// its light changes from the middle of the cell to its side.
     fn middle_px(&self, centre: DVec2, aperture: DVec2) -> (DVec2, f64) {
         let central = self.optics.place_px(self.optics.sensor_from_array(centre, aperture));
         if !self.optics.bends_rays() {
