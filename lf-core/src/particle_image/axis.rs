@@ -14,6 +14,8 @@ pub(super) struct Axis {
     pub(super) gamma: f64,
     /// m from the lenslet's centre, mm.
     pub(super) chief: f64,
+    /// The lenslet's centre, mm.
+    pub(super) centre: f64,
     /// Pixels a side of the sensor.
     pub(super) pixels: usize,
 }

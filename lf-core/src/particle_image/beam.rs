@@ -120,6 +120,16 @@ impl Beam {
         DVec2::new(slope(DVec2::X * BEND_STEP).x, slope(DVec2::Y * BEND_STEP).y)
     }
 
+    /// Second derivatives of a hit by the place in the stop along x and along y, 1/mm.
+    #[inline(always)]
+    pub(super) fn curvature(&self, aperture: DVec2, half_aperture_mm: f64) -> [DVec2; 2] {
+        let Some(bend) = &self.bend else { return [DVec2::ZERO; 2] };
+        let (u, v) = (aperture / half_aperture_mm).into();
+        let [_, _, _, uu, _, vv, uuu, uuv, uvv, vvv] = *bend;
+        let along = [2.0 * uu + 6.0 * u * uuu + 2.0 * v * uuv, 2.0 * vv + 6.0 * v * vvv + 2.0 * u * uvv];
+        along.map(|bent| bent / (half_aperture_mm * half_aperture_mm))
+    }
+
     #[inline(always)]
     fn bend(&self, place: DVec2) -> DVec2 {
         let Some(bend) = &self.bend else { return DVec2::ZERO };

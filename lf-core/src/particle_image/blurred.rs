@@ -84,9 +84,9 @@ impl<T: Listed> LensletImage<'_, T> {
 
         // Take the mean of the cell over each pixel.
         if self.beam.is_bent() {
-            self.follow_bent_rays(line, alpha, &axes, widened.sigma_mm, scratch);
-            T::means_at::<N>(tables, more_mm, widened.has_pixel, scratch);
-            self.stretch(blur, &widened, scratch);
+            self.follow_bent_rays(blur, line, alpha, &axes, scratch);
+            T::means_at::<N>(ladder, scratch);
+            self.stretch(blur, scratch);
         } else {
             T::means::<N>(tables, more_mm, widened.has_pixel, scratch);
         }
@@ -129,20 +129,26 @@ impl<T: Listed> LensletImage<'_, T> {
     #[inline(always)]
     fn follow_bent_rays(
         &self,
+        blur: &SensorBlur,
         line: &LensletLine,
         alpha: DVec2,
         axes: &[Axis; 2],
-        sigma_mm: f64,
         scratch: &mut Scratch,
     ) {
         let half = self.view.optics.half_aperture_mm;
         let Scratch { hits, points, .. } = scratch;
         let columns = points[0].len();
+        // The blur takes the mean of hits, which their curvature moves. Without it depths behind 180 mm of water err by
+        // 1 px; the pixel's own width in it makes them worse.
+        let variance = blur.sigma_px * blur.sigma_px;
+        let halves = [0, 1].map(|axis| 0.5 * variance * axes[axis].per_slope * axes[axis].per_slope);
         hits.clear();
         for y in &points[1] {
             for x in &points[0] {
-                let place = self.beam.hit(DVec2::new(x.u, y.u), half) - line.centre;
-                hits.push(Hit { place, width: DVec2::ZERO, by_px: [DVec2::ZERO; 2] });
+                let at = DVec2::new(x.u, y.u);
+                let [across, down] = self.beam.curvature(at, half);
+                let place = self.beam.hit(at, half) + halves[0] * across + halves[1] * down - line.centre;
+                hits.push(Hit { place, width: DVec2::ZERO, by_px: [DVec2::ZERO; 2], sigma_mm: 0.0, has_pixel: false });
             }
         }
         // A width is half the way from the pixel before to the one behind.
@@ -157,8 +163,14 @@ impl<T: Listed> LensletImage<'_, T> {
                     0 => DVec2::AXES[axis] * (alpha[axis] * axes[axis].per_slope),
                     _ => (hits[after].place - hits[before].place) / steps as f64,
                 };
-                hits[n].width[axis] = hits[n].by_px[axis][axis].abs().max(LEAST_WIDTH * sigma_mm);
             }
+        }
+        for hit in hits.iter_mut() {
+            let [a, b] = hit.by_px;
+            let along = (0.5 * (a.length_squared() + b.length_squared())).sqrt();
+            let widened = blur.widened(self.spot_mm, along, 1.0);
+            (hit.sigma_mm, hit.has_pixel) = (widened.sigma_mm, widened.has_pixel);
+            hit.width = DVec2::new(a.x, b.y).abs().max(DVec2::splat(LEAST_WIDTH * widened.sigma_mm));
         }
     }
 }
@@ -167,16 +179,16 @@ impl<T: Listed> LensletImage<'_, T> {
     /// Corrects the means of bent rays. The tables have a round blur and upright pixels; on the array bent rays make
     /// the sensor's round blur an ellipse, and its pixels rhombs. What they are wider spreads the means like heat.
     #[inline(always)]
-    fn stretch(&self, blur: &SensorBlur, widened: &Widened, scratch: &mut Scratch) {
+    fn stretch(&self, blur: &SensorBlur, scratch: &mut Scratch) {
         let Scratch { hits, points, means, .. } = scratch;
         let columns = points[0].len();
-        let most = MOST_STRETCH * widened.sigma_mm * widened.sigma_mm;
-        let round = widened.sigma_mm * widened.sigma_mm - self.spot_mm * self.spot_mm;
         let variance = blur.sigma_px * blur.sigma_px + PIXEL_VARIANCE;
         for (n, hit) in hits.iter().enumerate() {
             let [a, b] = hit.by_px;
+            let most = MOST_STRETCH * hit.sigma_mm * hit.sigma_mm;
+            let round = hit.sigma_mm * hit.sigma_mm - self.spot_mm * self.spot_mm;
             // Upright pixels are in the mean, unless they are in the round blur.
-            let pixel = if widened.has_pixel { DVec2::ZERO } else { PIXEL_VARIANCE * DVec2::new(a.x * a.x, b.y * b.y) };
+            let pixel = if hit.has_pixel { DVec2::ZERO } else { PIXEL_VARIANCE * DVec2::new(a.x * a.x, b.y * b.y) };
             let square = variance * (a * a + b * b) - pixel - round;
             let mixed = variance * (a.x * a.y + b.x * b.y);
             let (row, column) = (n / columns, n % columns);

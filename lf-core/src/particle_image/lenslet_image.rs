@@ -2,7 +2,7 @@
 
 use super::axis::Axis;
 use super::beam::Beam;
-use super::cell_surface::{REACH_SIGMA, Tables};
+use super::cell_surface::{Ladder, REACH_SIGMA, Tables};
 use super::cross::{Cross, LineJet, Read};
 use super::edge_sums::EdgeSums;
 use super::factor::Factor;
@@ -64,8 +64,8 @@ pub(super) trait Listed: Table {
     where
         Self: Sized;
 
-    /// Like `means`, but at the scratch's hits on the array.
-    fn means_at<const N: usize>(tables: &Tables<Self>, more_mm: f64, has_pixel: bool, scratch: &mut Scratch)
+    /// Like `means`, but at the scratch's hits on the array, each with tables of its own size.
+    fn means_at<const N: usize>(ladder: &Ladder<Self>, scratch: &mut Scratch)
     where
         Self: Sized;
 
@@ -87,8 +87,8 @@ impl Listed for Spline {
     }
 
     #[inline(always)]
-    fn means_at<const N: usize>(tables: &Tables<Self>, more_mm: f64, has_pixel: bool, scratch: &mut Scratch) {
-        tables.fill_means_at::<N>(more_mm, has_pixel, scratch);
+    fn means_at<const N: usize>(ladder: &Ladder<Self>, scratch: &mut Scratch) {
+        ladder.fill_means_at::<N>(scratch);
     }
 
     #[inline(always)]
@@ -120,8 +120,8 @@ impl Listed for Cross {
     }
 
     #[inline(always)]
-    fn means_at<const N: usize>(tables: &Tables<Self>, more_mm: f64, has_pixel: bool, scratch: &mut Scratch) {
-        tables.fill_means_at(more_mm, has_pixel, scratch);
+    fn means_at<const N: usize>(ladder: &Ladder<Self>, scratch: &mut Scratch) {
+        ladder.fill_means_at(scratch);
     }
 
     #[inline(always)]
@@ -164,6 +164,9 @@ pub(super) struct Hit {
     pub(super) width: DVec2,
     /// How far the place moves with a column and with a row, mm/px.
     pub(super) by_px: [DVec2; 2],
+    /// Spot and blur together there, mm, and whether the pixel is part of it.
+    pub(super) sigma_mm: f64,
+    pub(super) has_pixel: bool,
 }
 
 /// Pixels whose width on the array is below this many standard deviations of the spot are integrated by points.
@@ -216,6 +219,7 @@ impl<T: Listed> LensletImage<'_, T> {
             kappa: line.kappa[n],
             gamma: line.gamma[n],
             chief: chief[n],
+            centre: line.centre[n],
             pixels: view.optics.sensor_px[n],
         });
         (axes, alpha)
@@ -225,6 +229,9 @@ impl<T: Listed> LensletImage<'_, T> {
     #[inline(always)]
     pub(super) fn lit(&self, n: usize, axis: &Axis, alpha: f64) -> Option<(i64, i64)> {
         let Self { view, beam, spot_mm: spot, .. } = *self;
+        // The largest bend is that from the straight rays of the whole stop.
+        let whole = Axis { chief: beam.chief[n] - axis.centre, ..*axis };
+        let (axis, alpha) = if beam.is_bent() { (&whole, beam.alpha) } else { (axis, alpha) };
         let (half, corner) = (view.optics.half_aperture_mm, view.corner[n] + beam.most_bend_mm);
         match &view.blur {
             Some(blur) => axis.lit_blurred(alpha, half, corner, (spot, blur.sigma_px)),

@@ -1,6 +1,6 @@
 //! Means of a cell's share of light over pixels, with their derivatives by the place on the array.
 
-use super::cell_surface::Tables;
+use super::cell_surface::{Ladder, Tables};
 use super::cross::{Cross, LineJet};
 use super::lenslet_image::{Hit, PLACES, QUANTITIES, Scratch};
 use super::mean::{LANES, Mean, NUMBERS, PLAIN};
@@ -150,17 +150,18 @@ fn product(x: &LineJet, y: &LineJet, means: &mut [Mean], column: usize) {
     put::<QUANTITIES>(means, column, |n| numbers[n]);
 }
 
-impl Tables<Spline> {
+impl Ladder<Spline> {
     /// For a cell of any shape, at the hits of bent rays.
     #[inline(always)]
-    pub(super) fn fill_means_at<const N: usize>(&self, more_mm: f64, has_pixel: bool, scratch: &mut Scratch) {
-        let Tables { share, integral, .. } = self;
+    pub(super) fn fill_means_at<const N: usize>(&self, scratch: &mut Scratch) {
         let Scratch { hits, points, means, .. } = scratch;
         let columns = points[0].len();
         fit(means, columns, points[1].len());
         for (hits, means) in hits.chunks(columns).zip(means.chunks_mut(columns.div_ceil(LANES))) {
-            for (column, Hit { place: hit, width, .. }) in hits.iter().enumerate() {
-                if has_pixel {
+            for (column, Hit { place: hit, width, sigma_mm, has_pixel, .. }) in hits.iter().enumerate() {
+                let tables = self.nearest(*sigma_mm);
+                let (Tables { share, integral, .. }, more_mm) = (tables, sigma_mm - tables.sigma_mm);
+                if *has_pixel {
                     let jet = share.jet::<N>(&share.stencil(0, hit.x), &share.stencil(1, hit.y), more_mm);
                     put::<N>(means, column, |n| jet[n]);
                     continue;
@@ -177,23 +178,25 @@ impl Tables<Spline> {
     }
 }
 
-impl Tables<Cross> {
+impl Ladder<Cross> {
     /// For a rectangle along the axes, at the hits of bent rays.
     #[inline(always)]
-    pub(super) fn fill_means_at(&self, more_mm: f64, has_pixel: bool, scratch: &mut Scratch) {
+    pub(super) fn fill_means_at(&self, scratch: &mut Scratch) {
         let Scratch { hits, points, means, .. } = scratch;
         let columns = points[0].len();
         fit(means, columns, points[1].len());
         for (hits, means) in hits.chunks(columns).zip(means.chunks_mut(columns.div_ceil(LANES))) {
-            for (column, Hit { place: hit, width, .. }) in hits.iter().enumerate() {
+            for (column, Hit { place: hit, width, sigma_mm, has_pixel, .. }) in hits.iter().enumerate() {
+                let tables = self.nearest(*sigma_mm);
+                let more_mm = sigma_mm - tables.sigma_mm;
                 let mut jets = [LineJet::default(); 2];
                 for (axis, jet) in jets.iter_mut().enumerate() {
                     let (hit, width) = (hit[axis], width[axis]);
                     *jet = match has_pixel {
-                        true => self.share.line(axis).jet(hit, more_mm),
+                        true => tables.share.line(axis).jet(hit, more_mm),
                         false => between(
-                            &self.end(axis, hit - 0.5 * width, more_mm),
-                            &self.end(axis, hit + 0.5 * width, more_mm),
+                            &tables.end(axis, hit - 0.5 * width, more_mm),
+                            &tables.end(axis, hit + 0.5 * width, more_mm),
                             width,
                         ),
                     };

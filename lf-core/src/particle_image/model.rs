@@ -23,6 +23,7 @@ pub struct ParticleModel {
     sigma_mm: f64,
     /// Growth of alpha with depth in focus, 1/mm.
     alpha_by_z: f64,
+    bend_px: f64,
 }
 
 /// Ratio of the sizes of neighbouring tables. Between two tables the model is linear in the size; it errs by 2e-4.
@@ -70,11 +71,13 @@ impl ParticleModel {
         let known = known.filter(|surfaces| surfaces.are_for(&corners, &sizes, alike_mm)).cloned();
         let has_round_stop = camera.main_lens.aperture == Aperture::Circle;
         let half = optics.half_aperture_mm;
+        let in_focus = tracer.beam(&optics, [0.0; 3]);
         Ok(Self {
             lines: LensletLines::new(&optics, pitch_mm),
             surfaces: known.unwrap_or_else(|| Surfaces::new(&corners, &sizes)),
             sigma_mm,
-            alpha_by_z: tracer.beam(&optics, [0.0; 3]).alpha_by[2],
+            alpha_by_z: in_focus.alpha_by[2],
+            bend_px: in_focus.most_bend_mm / optics.pixel_pitch_mm,
             view: View {
                 corner: half_sides(&corners),
                 pitch_mm,
@@ -90,6 +93,11 @@ impl ParticleModel {
     /// Standard deviation of a particle, mm.
     pub fn sigma_mm(&self) -> f64 {
         self.sigma_mm
+    }
+
+    /// Largest bend of the rays of a particle in focus on the axis, px on the array.
+    pub fn bend_px(&self) -> f64 {
+        self.bend_px
     }
 
     /// Bytes of the tables of cells. A table is made when an image of its size is first drawn.

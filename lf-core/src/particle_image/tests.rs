@@ -140,8 +140,9 @@ fn blurred_light_behind_a_medium_is_near_that_of_rays() {
     }
 }
 
-/// Scar: behind a thick window at m = 1 the blur on the array is an ellipse, a third longer than wide. With a round one
-/// the images were 3 to 4 % off rays.
+/// Scars: behind a thick window at m = 1 the blur on the array is an ellipse, a third longer than wide. With a round
+/// one the images were 3 to 4 % off rays. Near focus up to a quarter of the light was left out, because the pixels that
+/// can be lit were found along a tangent of the bent rays.
 #[test]
 fn blurred_light_behind_a_thick_window_is_near_that_of_rays() {
     const RAYS: usize = 100_000;
@@ -150,7 +151,8 @@ fn blurred_light_behind_a_thick_window_is_near_that_of_rays() {
         camera.medium =
             Some(Medium { index: 1.333, window_z_mm: 180.0, window_thickness_mm: 20.0, window_index: 1.49 });
         camera.blur = Some(Blur { sigma_px: 0.4, wavelength_nm: None });
-        for place in [[0.2, -0.15, 2.3], [0.05, 0.13, -4.9]] {
+        // In focus, at the caustic, and far.
+        for place in [[0.31, 0.21, 0.0], [0.2, -0.15, -0.4], [0.2, -0.15, 2.3], [0.05, 0.13, -4.9]] {
             let distance = distance_from_blurred_rays(&camera, place, RAYS);
             assert!(distance < 0.02, "{layout:?} {place:?}: {distance:.5}");
         }
@@ -295,9 +297,7 @@ fn light_is_where_aberrated_rays_fall() {
         for [x, y, z] in PLACES {
             let place = [x + ASIDE[0], y + ASIDE[1], z];
             let (distance, noise) = distance_from_rays(&camera, place, 200_000);
-            // In focus a lenslet sees the whole stop, over which no straight line follows the rays.
-            let most = if z.abs() < 0.1 { 0.11 } else { 0.025 };
-            assert!(distance < noise + most, "{name} {place:.2?}: {distance:.5}, noise {noise:.5}");
+            assert!(distance < noise + 0.025, "{name} {place:.2?}: {distance:.5}, noise {noise:.5}");
         }
     }
 }
