@@ -155,8 +155,8 @@ const SWEEP_GAIN: f64 = 0.03;
 const GAIN: f64 = 25.0;
 /// Number of rounds that try again the candidates that were not kept.
 const ADD_ROUNDS: usize = 2;
-/// A correction of the camera moves rays by more than this share of their bend. Images of bent rays err: behind 180 mm of
-/// water the errors look like an aberration of 0.7 px, in one frame and not in the next, and depths move by 5 px with it.
+/// A correction of the camera moves rays by more than this share of their bend, because images of bent rays err too.
+/// Behind 180 mm of water the errors look like an aberration of 0.7 px, in one frame and not in the next.
 const OF_BEND: f64 = 0.2;
 /// With a blur that the camera does not name, at most this share of the particles is left: less than half in all frames
 /// tried. A lattice that is off makes a blur look good too, but leaves as many.
