@@ -280,7 +280,8 @@ pub(crate) mod tests {
                 for place in [DVec3::new(0.5, -0.3, 4.0), DVec3::new(-0.6, 0.2, -2.5)] {
                     let view = PointView::new(&optics, place);
                     let fan = view.lit_lenslets(0.95, Some(0.0));
-                    assert!(fan.len() >= 10, "{name} {}", fan.len());
+                    let fewest = if name == "tank" { 10 } else { 11 };
+                    assert!(fan.len() >= fewest, "{name} {}", fan.len());
                     let whole = DVec2::splat(1.3 * 0.077 / view.alpha.abs());
                     for seen in fan.iter().step_by(7) {
                         let (mean, count) = by_rays(&optics, place, seen, whole);

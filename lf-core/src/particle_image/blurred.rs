@@ -65,8 +65,6 @@ impl<T: Listed> LensletImage<'_, T> {
         let px_by_stop = (axes[0].slope.abs() + axes[1].slope.abs()) / 2.0;
         let alpha_mean = 0.5 * (alpha.x + alpha.y);
         let widened = blur.widened(self.spot_mm, alpha_mean, px_by_stop);
-        let tables = ladder.nearest(widened.sigma_mm);
-        let more_mm = widened.sigma_mm - tables.sigma_mm;
 
         // Place the edges and the middles of the pixels on the stop and on the array.
         for (axis, (first, end)) in [(left, right), (top, bottom)].into_iter().enumerate() {
@@ -88,7 +86,8 @@ impl<T: Listed> LensletImage<'_, T> {
             T::means_at::<N>(ladder, scratch);
             self.stretch(blur, scratch);
         } else {
-            T::means::<N>(tables, more_mm, widened.has_pixel, scratch);
+            let tables = ladder.nearest(widened.sigma_mm);
+            T::means::<N>(tables, widened.sigma_mm - tables.sigma_mm, widened.has_pixel, scratch);
         }
 
         // Multiply it by the share that the stop lets through.

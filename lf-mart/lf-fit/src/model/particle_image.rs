@@ -235,6 +235,16 @@ impl ParticleImage {
         }
     }
 
+    /// Sums of the numbers of all pixels, times the `factor` of the pixel's place.
+    pub(crate) fn products(&self, columns: usize, factor: impl Fn(usize) -> f32) -> [f64; UNKNOWNS] {
+        let mut sums = [0f64; UNKNOWNS];
+        self.pixels(columns, |n, pixel| {
+            let factor = factor(n);
+            (0..UNKNOWNS).for_each(|k| sums[k] += f64::from(factor * pixel[k]));
+        });
+        sums
+    }
+
     /// Adds `sign` times the particle's light to a window.
     pub(crate) fn add_to(&self, light: &mut [f32], columns: usize, sign: f32) {
         self.lines(columns, |start, line| {

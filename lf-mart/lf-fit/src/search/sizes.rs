@@ -1,15 +1,10 @@
 //! Sizes of particles that differ. A particle gets a size of its own as far as its light shows it; the spread of all
 //! sizes is the prior of each.
 
-use super::particles::{Members, Particles};
-use super::tile_fit::TileFit;
-use super::tiles::TilePlan;
-use crate::model::buffers::FitBuffers;
-use crate::model::window::Window;
+use super::particles::Particles;
 use crate::particle::Particle;
 use crate::solve::covariance::Prior;
 use crate::solve::size::{SizeEquation, SizeSpread};
-use rayon::prelude::*;
 
 /// A smaller step of a size, as a share of its uncertainty, wakes no particle.
 const ENOUGH: f64 = 0.2;
@@ -20,7 +15,10 @@ impl Particles<'_> {
     pub(crate) fn fit_sizes(&mut self, prior: Prior) -> bool {
         let misfit = self.cameras.misfit().max(1.0);
         let awake = std::mem::replace(&mut self.is_awake, vec![true; self.list.len()]);
-        let equations = self.size_equations(prior);
+        let found = self.of_each(|tile, equations, n| {
+            tile.members[n].number.map(|number| (number, tile.size_equation(equations, n, prior)))
+        });
+        let equations: Vec<(usize, SizeEquation)> = found.into_iter().flatten().collect();
         self.is_awake = awake;
         let alone = |(n, equation): &(usize, SizeEquation)| equation.alone(self.list[*n].log_size, misfit);
         self.size_spread = SizeSpread::of(&equations.iter().filter_map(alone).collect::<Vec<_>>());
@@ -38,23 +36,5 @@ impl Particles<'_> {
             }
         }
         true
-    }
-
-    /// The equations of all sizes, with the numbers of their particles.
-    fn size_equations(&self, prior: Prior) -> Vec<(usize, SizeEquation)> {
-        let TilePlan { tiles, windows, members, .. } = self.plan();
-        let found: Vec<Vec<(usize, SizeEquation)>> = (0..tiles.len())
-            .into_par_iter()
-            .map_init(FitBuffers::default, |buffers, own| {
-                let mut window = Window::cut(&self.cameras.views, &windows[own]);
-                let members = Members { tiles: &tiles, lists: &members, own };
-                let mut tile = TileFit::new(self, &mut window, &tiles[own], members, buffers);
-                let equations = tile.equations((0..tile.members.len()).collect());
-                let own: Vec<usize> = (0..tile.members.len()).filter(|n| tile.members[*n].is_own).collect();
-                let equation = |n: usize| Some((tile.members[n].number?, tile.size_equation(&equations, n, prior)));
-                own.into_iter().filter_map(equation).collect()
-            })
-            .collect();
-        found.concat()
     }
 }

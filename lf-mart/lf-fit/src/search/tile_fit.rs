@@ -242,11 +242,8 @@ impl<'a, 'b> TileFit<'a, 'b> {
             sums.right += slope * f64::from(residual[at]);
         }
         for place in &chosen {
-            let mut mixed = [0.0; UNKNOWNS];
-            self.members[equations.members[*place]].image.pixels(self.window.columns, |at, pixel| {
-                let weighed = weight[at] * by_size[at];
-                (0..UNKNOWNS).for_each(|k| mixed[k] += f64::from(weighed * pixel[k]));
-            });
+            let image = &self.members[equations.members[*place]].image;
+            let mixed = image.products(self.window.columns, |at| weight[at] * by_size[at]);
             sums.mixed.extend(mixed.map(|sum| sigma_px * sum));
         }
         slopes.iter().for_each(|(at, _)| by_size[*at as usize] = 0.0);
@@ -302,8 +299,16 @@ impl<'a, 'b> TileFit<'a, 'b> {
 impl Particles<'_> {
     /// All particles with their uncertainties.
     pub(crate) fn uncertainties(&self, prior: Prior) -> Vec<FoundParticle> {
+        self.of_each(|tile, equations, n| tile.found(equations, n, self.size_spread, prior))
+    }
+
+    /// Calls `find` for each particle that is awake, with the equations of its tile, tile by tile.
+    pub(super) fn of_each<T: Clone + Send>(
+        &self,
+        find: impl Fn(&mut TileFit, &Equations, usize) -> T + Sync,
+    ) -> Vec<T> {
         let TilePlan { tiles, windows, members, .. } = self.plan();
-        let found: Vec<Vec<FoundParticle>> = (0..tiles.len())
+        let found: Vec<Vec<T>> = (0..tiles.len())
             .into_par_iter()
             .map_init(FitBuffers::default, |buffers, own| {
                 let mut window = Window::cut(&self.cameras.views, &windows[own]);
@@ -311,7 +316,7 @@ impl Particles<'_> {
                 let mut tile = TileFit::new(self, &mut window, &tiles[own], members, buffers);
                 let equations = tile.equations((0..tile.members.len()).collect());
                 let own: Vec<usize> = (0..tile.members.len()).filter(|n| tile.members[*n].is_own).collect();
-                own.into_iter().map(|n| tile.found(&equations, n, self.size_spread, prior)).collect()
+                own.into_iter().map(|n| find(&mut tile, &equations, n)).collect()
             })
             .collect();
         found.concat()

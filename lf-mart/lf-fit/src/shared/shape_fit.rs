@@ -267,15 +267,8 @@ impl<'a> Sample<'a> {
 
     /// Products of the slopes of each pixel's counts by a shared unknown with the derivatives of each particle.
     fn mixed(&self, state: &State, unknown: usize, buffers: &FitBuffers) -> Vec<[f64; UNKNOWNS]> {
-        let one = |image: &ParticleImage| {
-            let mut sum = [0f64; UNKNOWNS];
-            image.pixels(self.window.columns, |n, pixel| {
-                let weighed = buffers.weight[n] * state.by_shape[n][unknown];
-                (0..UNKNOWNS).for_each(|k| sum[k] += f64::from(weighed * pixel[k]));
-            });
-            sum
-        };
-        state.images.iter().map(one).collect()
+        let weighed = |n: usize| buffers.weight[n] * state.by_shape[n][unknown];
+        state.images.iter().map(|image| image.products(self.window.columns, weighed)).collect()
     }
 }
 
