@@ -7,7 +7,8 @@ use crate::points::locate::{NARROWEST, locate, width_in_lenslets};
 use crate::points::sub_images::{PointBlur, SHARE, measure};
 use crate::{fit::changes::Changes, fit::parameter::Parameter as P, fit::robust::deviation, points::view::PointView};
 use glam::{DVec2, DVec3};
-use lf_core::{Camera, Optics, statistics::upper_median};
+use lf_core::statistics::{NORMAL_PER_MAD, upper_median};
+use lf_core::{Camera, Optics};
 use ndarray::Array2;
 
 /// Blur of the sub-images of a particle, beside that by the lenslets' cells and the pixels, px.
@@ -18,8 +19,6 @@ const FIRST_PX: f64 = 4.0;
 const LEAST_SEEN: f64 = 0.55;
 /// Largest scatter of the sub-images about the point that they come from, px.
 const LARGEST_SCATTER_PX: f64 = 0.35;
-/// Standard deviation over median absolute deviation of a normal distribution, to five digits.
-const PER_DEVIATION: f64 = 1.4826;
 /// Evidence that a change needs, in squared standard deviations, and the addition for each further parameter.
 const NEEDED: f64 = 16.0;
 const NEEDED_MORE: f64 = 4.0;
@@ -70,7 +69,7 @@ pub(crate) fn equations(seen: &[(IsolatedParticle, StopFill)], camera: &Camera) 
     let scatter = deviation(shifts.iter().map(|shift| shift.distance(middle)).collect()).max(1e-3);
     let logs: Vec<f64> = seen.iter().map(|(_, fill)| fill.spread.ln()).collect();
     let size = median(logs.clone());
-    let size_scatter = (PER_DEVIATION * median(logs.iter().map(|log| (log - size).abs()).collect())).max(1e-3);
+    let size_scatter = (NORMAL_PER_MAD * median(logs.iter().map(|log| (log - size).abs()).collect())).max(1e-3);
     let observation =
         |off_px, uncertainty_px, slopes| Observation { off_px, uncertainty_px, slopes, ..Default::default() };
     let observe = |(fill, shift): (&StopFill, &DVec2)| {

@@ -21,14 +21,9 @@ pub(crate) struct SpotProfile {
     pub sigma_px: f64,
 }
 
-/// Cumulative normal distribution, accurate to 2e-7: Abramowitz & Stegun (1964), 7.1.26.
+/// Cumulative normal distribution.
 fn normal(z: f64) -> f64 {
-    let x = z.abs() * std::f64::consts::FRAC_1_SQRT_2;
-    let t = 1.0 / (1.0 + 0.327_591_1 * x);
-    let sum =
-        t * (0.254_829_592 + t * (-0.284_496_736 + t * (1.421_413_741 + t * (-1.453_152_027 + t * 1.061_405_429))));
-    let tail = 0.5 * sum * (-x * x).exp();
-    if z > 0.0 { 1.0 - tail } else { tail }
+    0.5 * libm::erfc(-z * std::f64::consts::FRAC_1_SQRT_2)
 }
 
 impl SpotProfile {

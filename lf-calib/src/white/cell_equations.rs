@@ -89,19 +89,20 @@ impl CellEquations {
     /// The product of the normal matrix and the coefficients `c`.
     fn apply(&self, c: &[f64]) -> Vec<f64> {
         let [columns, rows] = self.knots;
-        (0..c.len())
-            .map(|knot| {
-                let (row, column) = (knot / columns, knot % columns);
-                let mut sum = 0.0;
-                for d in 0..7 {
-                    let line = (row + rows + d - 3) % rows * columns;
-                    for a in 0..7 {
-                        sum += self.normal[knot][d * 7 + a] * c[line + (column + columns + a - 3) % columns];
-                    }
-                }
-                sum
-            })
-            .collect()
+        let about = |knot: usize, knots: usize| std::array::from_fn::<usize, 7, _>(|n| (knot + knots + n - 3) % knots);
+        let across: Vec<[usize; 7]> = (0..columns).map(|column| about(column, columns)).collect();
+        let mut image = Vec::with_capacity(c.len());
+        for (row, stencils) in self.normal.chunks(columns).enumerate() {
+            let lines = about(row, rows).map(|row| &c[row * columns..(row + 1) * columns]);
+            for (stencil, across) in stencils.iter().zip(&across) {
+                let pairs = stencil.chunks(7).zip(lines);
+                let line = |(stencil, line): (&[f64], &[f64])| -> f64 {
+                    stencil.iter().zip(across).map(|(product, column)| product * line[*column]).sum()
+                };
+                image.push(pairs.map(line).sum());
+            }
+        }
+        image
     }
 
     /// Conjugate gradients from zero, until the residual is 1e-10 of the right side.

@@ -23,10 +23,9 @@ const SAMPLES: usize = 8;
 /// Weight of the profile's curvature and height against its misfit. It only determines what no pixel does.
 const ROUGHNESS: f64 = 1e-6;
 
-/// Positions in a pixel relative to its centre.
-fn samples(side: usize) -> impl Iterator<Item = DVec2> {
-    let at = move |n: usize| (n as f64 + 0.5) / side as f64 - 0.5;
-    (0..side * side).map(move |n| DVec2::new(at(n % side), at(n / side)))
+/// Places along a side of a pixel, from its centre.
+fn samples() -> [f64; SAMPLES] {
+    std::array::from_fn(|n| (n as f64 + 0.5) / SAMPLES as f64 - 0.5)
 }
 
 /// Normal equations of the profile, summed over pixels. The last unknown is the base.
@@ -53,56 +52,49 @@ impl ProfileEquations {
         Self { stop, basis_px, step_px, knots, lenslets, normal, right: DVector::zeros(knots + 1) }
     }
 
-    /// The knot before an offset's distance, and the weight of the next one. None after the last knot, where the
-    /// profile is zero.
-    #[inline]
-    fn knots_at(&self, offset_px: DVec2) -> Option<(usize, f64)> {
-        let distance_px = match self.stop {
-            Aperture::Circle => offset_px.length(),
-            Aperture::Square => offset_px.abs().max_element(),
-        };
-        let t = distance_px / self.step_px;
-        let knot = t as usize;
-        (knot < self.knots).then_some((knot, t - knot as f64))
-    }
-
-    fn near(&self, offset_px: DVec2) -> Vec<DVec2> {
-        let half_pixel = std::f64::consts::FRAC_1_SQRT_2;
-        let reach = self.knots as f64 * self.step_px;
-        let is_near = |place: &DVec2| match self.stop {
-            Aperture::Circle => place.distance(offset_px) < reach + half_pixel,
-            Aperture::Square => (*place - offset_px).abs().max_element() < reach + half_pixel,
-        };
-        self.lenslets.iter().copied().filter(is_near).collect()
+    #[inline(always)]
+    fn distance(&self, x: f64, y: f64) -> f64 {
+        match self.stop {
+            Aperture::Circle => (x * x + y * y).sqrt(),
+            Aperture::Square => x.abs().max(y.abs()),
+        }
     }
 
     /// Fills `line` with the share of each unknown in a pixel at `offset_px` from the lenslet image's centre.
     fn fill(&self, offset_px: DVec2, line: &mut Vec<f64>) {
         line.clear();
         line.resize(self.knots + 1, 0.0);
-        line[self.knots] = 1.0;
-        let weight = 1.0 / (SAMPLES * SAMPLES) as f64;
-        let near = self.near(offset_px);
-        for sample in samples(SAMPLES) {
-            for lenslet in &near {
-                let Some((knot, share)) = self.knots_at(offset_px + sample - *lenslet) else { continue };
-                line[knot] += weight * (1.0 - share);
-                if knot + 1 < self.knots {
-                    line[knot + 1] += weight * share;
+        let (per_step, end) = (1.0 / self.step_px, self.knots as f64);
+        let reach = end * self.step_px + std::f64::consts::FRAC_1_SQRT_2;
+        for lenslet in &self.lenslets {
+            let offset = offset_px - *lenslet;
+            if self.distance(offset.x, offset.y) >= reach {
+                continue;
+            }
+            // In steps of the knots. The profile is zero from the last knot on.
+            let [x, y] = offset.to_array().map(|middle| samples().map(|sample| per_step * (middle + sample)));
+            for y in y {
+                let distances = x.map(|x| self.distance(x, y));
+                for distance in distances.into_iter().filter(|distance| *distance < end) {
+                    let knot = distance as usize;
+                    let share = distance - knot as f64;
+                    line[knot] += 1.0 - share;
+                    line[knot + 1] += share;
                 }
             }
         }
+        line.iter_mut().for_each(|share| *share *= 1.0 / (SAMPLES * SAMPLES) as f64);
+        line[self.knots] = 1.0;
     }
 
     /// Adds a pixel. `line` is scratch memory.
     pub fn add(&mut self, offset_px: DVec2, value: f64, line: &mut Vec<f64>) {
         self.fill(offset_px, line);
-        let touched: Vec<usize> = (0..=self.knots).filter(|&knot| line[knot] != 0.0).collect();
-        for &a in &touched {
-            self.right[a] += line[a] * value;
-            for &b in &touched {
-                self.normal[(a, b)] += line[a] * line[b];
-            }
+        for (a, share) in line.iter().enumerate().filter(|(_, share)| **share != 0.0) {
+            self.right[a] += share * value;
+            // The lower triangle is enough.
+            let column = &mut self.normal.as_mut_slice()[a * line.len()..(a + 1) * line.len()];
+            column[a..].iter_mut().zip(&line[a..]).for_each(|(sum, other)| *sum += share * other);
         }
     }
 

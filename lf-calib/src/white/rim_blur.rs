@@ -250,7 +250,7 @@ impl StopSeries {
                 if k < 1e-3 {
                     return [area, 0.5 * area];
                 }
-                let [j0, j1] = bessel(k);
+                let (j0, j1) = (libm::j0(k), libm::j1(k));
                 [area * 2.0 * j1 / k, area * 4.0 * (2.0 * j1 / k - j0) / (k * k)]
             }
             Aperture::Square => {
@@ -267,17 +267,6 @@ fn line(half: f64, k: f64) -> [f64; 2] {
         return [2.0 * half, 4.0 / 3.0 * half];
     }
     [2.0 * half * k.sin() / k, 4.0 * half * (k.sin() - k * k.cos()) / (k * k * k)]
-}
-
-/// J0 and J1 by Bessel's integral, for which the midpoint rule is exact with more points than the argument.
-fn bessel(x: f64) -> [f64; 2] {
-    let points = (x as usize) + 24;
-    let angles = (0..points).map(|n| PI * (n as f64 + 0.5) / points as f64);
-    let sums = angles.fold([0.0; 2], |[j0, j1], angle| {
-        let lag = x * angle.sin();
-        [j0 + lag.cos(), j1 + (angle - lag).cos()]
-    });
-    sums.map(|sum| sum / points as f64)
 }
 
 fn sinc(t: f64) -> f64 {
