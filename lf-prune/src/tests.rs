@@ -238,11 +238,12 @@ fn sums_are_the_rays_one_by_one() {
     let square = [0.0, 0.003, 0.3, -1.0, 3.0 * third].map(|turn| ("square", turn));
     let hexagonal = [0.0, 0.003, -0.3, 0.5 * third, third].map(|turn| ("hexagonal", turn));
     let mut kept = [0; RULES.len()];
-    for (layout, turn) in square.into_iter().chain(hexagonal) {
-        for camera in ["square", "circle"].map(|aperture| camera(aperture, layout, turn)) {
-            for (rule, kept) in RULES.iter().zip(&mut kept) {
-                *kept += kept_as_by_rays(&camera, rule, &grids, &[0, 7, 10], STRAIGHT);
-            }
+    // Each turn has one of the stops.
+    let stops = ["square", "circle"].into_iter().cycle();
+    for ((layout, turn), aperture) in square.into_iter().chain(hexagonal).zip(stops) {
+        let camera = camera(aperture, layout, turn);
+        for (rule, kept) in RULES.iter().zip(&mut kept) {
+            *kept += kept_as_by_rays(&camera, rule, &grids, &[0, 7, 10], STRAIGHT);
         }
     }
     assert!(kept.iter().all(|kept| *kept > 0), "{kept:?}");
@@ -257,7 +258,8 @@ fn bent_rays_are_the_rays_one_by_one() {
     ];
     let water = Medium { index: 1.333, window_z_mm: 60.0, window_thickness_mm: 20.0, window_index: 1.49 };
     let tilt = Tilt { x_rad: 0.01, y_rad: -0.005 };
-    for (layout, turn) in [("square", 0.003), ("hexagonal", -0.02)] {
+    // Each lattice has half of the rules.
+    for ((layout, turn), rules) in [("square", 0.003), ("hexagonal", -0.02)].into_iter().zip(RULES.chunks(2)) {
         let with = |change: &dyn Fn(&mut Camera)| {
             let mut camera = camera("circle", layout, turn);
             change(&mut camera);
@@ -284,7 +286,7 @@ fn bent_rays_are_the_rays_one_by_one() {
             cameras.chain([(&distorted, DISTORTED), (&pupil, STRAIGHT), (&aberrated, ABERRATED), (&all, ALL_BENT)])
         {
             let kept = |rule| kept_as_by_rays(camera, rule, &grids, &[0, 7, 10, 19], tolerance);
-            assert!(RULES[..4].iter().map(kept).sum::<usize>() > 0, "{camera:?}");
+            assert!(rules.iter().map(kept).sum::<usize>() > 0, "{camera:?}");
         }
     }
 }

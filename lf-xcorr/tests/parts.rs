@@ -96,7 +96,8 @@ fn more_pairs_of_worn_particles_scatter_less() {
 fn a_pair_given_twice_is_the_pair() {
     let [a, b] = cloud(3, 10.0, Wear::default());
     let pair = [a.sparse(), b.sparse()];
-    let [once, twice] = [&[pair][..], &[pair, pair]].map(|pairs| field(pairs, &Mask::Everything, &options()));
+    let options = Options::coarse_to_fine([48, 48, 32], [32, 32, 16], 0.5, [8, 8, 6], Options::REFINE);
+    let [once, twice] = [&[pair][..], &[pair, pair]].map(|pairs| field(pairs, &Mask::Everything, &options));
     for i in 0..once.len() {
         assert!((once.u[i] - twice.u[i]).abs() < 1e-5 && (once.peak[i] - twice.peak[i]).abs() < 1e-5);
         assert_eq!(2.0 * once.count[i], twice.count[i]);
