@@ -631,6 +631,11 @@ pub(super) struct Cut {
 }
 
 impl Cut {
+    /// Whole pixels, from the integral, and no rim.
+    pub(super) fn none(columns: u32, alpha: DVec2, centre: DVec2) -> Self {
+        Self { parts: 1, columns: columns as usize, is_cut: false, by_points: false, alpha, centre }
+    }
+
     /// The side of the rim of a round stop on which a pixel between these edges lies.
     #[inline(always)]
     pub(super) fn side(&self, radius: f64, x: &[Place], y: &[Place]) -> Side {

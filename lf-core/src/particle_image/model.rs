@@ -80,6 +80,7 @@ impl ParticleModel {
             bend_px: in_focus.most_bend_mm / optics.pixel_pitch_mm,
             view: View {
                 corner: half_sides(&corners),
+                cell_radius: corners.iter().map(|corner| corner.length()).fold(0.0, f64::max),
                 pitch_mm,
                 has_round_stop,
                 stop_mm2: if has_round_stop { PI * half * half } else { 4.0 * half * half },

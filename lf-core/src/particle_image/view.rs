@@ -10,6 +10,8 @@ pub(super) struct View {
     pub(super) optics: Optics,
     /// Half sides of the box around a cell, mm.
     pub(super) corner: DVec2,
+    /// Largest distance of a cell's corner from its middle, mm.
+    pub(super) cell_radius: f64,
     pub(super) pitch_mm: f64,
     pub(super) has_round_stop: bool,
     /// Area of the stop, mm^2.

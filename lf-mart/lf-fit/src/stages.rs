@@ -299,7 +299,6 @@ impl<'a, 'o> Stages<'a, 'o> {
 
     /// The stages in their order.
     fn run(mut self) -> Result<Fit<'a>, Refusal> {
-        let Schedule { round: name, least_rounds, .. } = *self.schedule;
         let maxima = self.particles.list.clone();
         self.first_fits(&maxima)?;
         if self.correct_camera()? {
@@ -312,13 +311,35 @@ impl<'a, 'o> Stages<'a, 'o> {
             self.correct_camera()?;
         }
         self.particles.wake_where(|_| true);
+        self.rounds(0)?;
+        // Before the rounds, particles that overlap look like large ones.
+        if self.fit_sizes()? {
+            self.rounds(1)?;
+        }
+        self.fit_shape()?;
+        self.fit_sizes()?;
+        if self.is_stale {
+            self.fit("fit", ROUND_STEPS);
+        }
+        self.last_change();
+        self.find_noise();
+        self.align();
+        self.end()
+    }
+
+    /// Rounds until they change little, from the one with this number on.
+    fn rounds(&mut self, first: usize) -> Result<(), Refusal> {
+        let Schedule { round: name, least_rounds, .. } = *self.schedule;
+        self.doubts.is_stopped = false;
         let (mut misfit, mut alike) = (f64::INFINITY, f64::INFINITY);
-        for round in 0..self.options.rounds {
+        for round in first..self.options.rounds {
             let changes = self.round(round);
             self.find_noise();
             self.align();
             self.report(name, changes);
-            self.fit_sizes();
+            if self.particles.size_spread.is_some() {
+                self.fit_sizes()?;
+            }
             // Particles that were missing may have kept the first fit of the shape from its end.
             if round == 0 && !self.is_settled {
                 self.fit_shape()?;
@@ -337,15 +358,7 @@ impl<'a, 'o> Stages<'a, 'o> {
                 break;
             }
         }
-        self.fit_shape()?;
-        self.fit_sizes();
-        if self.is_stale {
-            self.fit("fit", ROUND_STEPS);
-        }
-        self.last_change();
-        self.find_noise();
-        self.align();
-        self.end()
+        Ok(())
     }
 
     /// Shares the light out, and fits all particles, the noise and the shape.
@@ -428,13 +441,15 @@ impl<'a, 'o> Stages<'a, 'o> {
         self.report(what, Changes { gain, ..Changes::default() });
     }
 
-    /// Fits sizes of the particles' own, where they differ.
-    fn fit_sizes(&mut self) {
-        if self.free.sizes && self.is_alone() && self.particles.fit_sizes(self.prior) {
-            self.particles.render();
-            self.is_stale = true;
-            self.report("sizes", Changes::default());
+    /// Fits sizes of the particles' own, where they differ. Returns whether a size has changed.
+    fn fit_sizes(&mut self) -> Result<bool, Refusal> {
+        if !self.free.sizes || !self.is_alone() || !self.particles.fit_sizes(self.prior)? {
+            return Ok(false);
         }
+        self.particles.render();
+        self.is_stale = true;
+        self.report("sizes", Changes::default());
+        Ok(true)
     }
 
     /// Fits the shape of the first camera.

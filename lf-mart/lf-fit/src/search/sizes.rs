@@ -2,9 +2,12 @@
 //! sizes is the prior of each.
 
 use super::particles::Particles;
+use crate::cameras::shape::Shape;
+use crate::cameras::view::CameraView;
 use crate::particle::Particle;
 use crate::solve::covariance::Prior;
 use crate::solve::size::{SizeEquation, SizeSpread};
+use lf_core::Refusal;
 
 /// A smaller step of a size, as a share of its uncertainty, wakes no particle.
 const ENOUGH: f64 = 0.2;
@@ -12,7 +15,7 @@ const ENOUGH: f64 = 0.2;
 impl Particles<'_> {
     /// Gives each particle the size that its light and the sizes of all particles make likeliest, unless all may be of
     /// one size. Returns whether a size has changed.
-    pub(crate) fn fit_sizes(&mut self, prior: Prior) -> bool {
+    pub(crate) fn fit_sizes(&mut self, prior: Prior) -> Result<bool, Refusal> {
         let misfit = self.cameras.misfit().max(1.0);
         let awake = std::mem::replace(&mut self.is_awake, vec![true; self.list.len()]);
         let found = self.of_each(|tile, equations, n| {
@@ -25,7 +28,7 @@ impl Particles<'_> {
         let Some(spread) = self.size_spread else {
             let had_sizes = self.list.iter().any(|particle| particle.log_size != 0.0);
             self.list.iter_mut().for_each(|particle| particle.log_size = 0.0);
-            return had_sizes;
+            return Ok(had_sizes);
         };
         for (n, equation) in equations {
             let before = self.list[n];
@@ -35,6 +38,11 @@ impl Particles<'_> {
                 (self.is_awake[n], self.is_whole[n]) = (true, false);
             }
         }
-        true
+        // The shape's size is the middle one.
+        let CameraView { shape, shape_std_px, .. } = self.cameras.views[0];
+        let middle = spread.middle();
+        self.cameras.views[0].set_shape(Shape { sigma_px: shape.sigma_px * middle.exp(), ..shape }, shape_std_px)?;
+        self.list.iter_mut().for_each(|particle| particle.log_size -= middle);
+        Ok(true)
     }
 }

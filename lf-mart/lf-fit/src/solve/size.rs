@@ -117,6 +117,11 @@ impl SizeSpread {
         Some(Self { middle, variance: high })
     }
 
+    /// Middle of the logarithms.
+    pub(crate) fn middle(&self) -> f64 {
+        self.middle
+    }
+
     /// Standard deviation of the logarithms.
     pub(crate) fn std(&self) -> f64 {
         self.variance.sqrt()
