@@ -29,7 +29,7 @@ mod tests {
         {
             assert!((distribution(z) - phi).abs() < 1e-12, "{z}: {}", distribution(z));
         }
-        assert_eq!([distribution(9.0), distribution(-9.0)], [1.0, 0.0]);
+        assert!(distribution(9.0) == 1.0 && (distribution(-9.0) / 1.128_588e-19 - 1.0).abs() < 1e-6);
         assert!((ramp(0.0) - 0.398_942_280_401_433).abs() < 1e-14 && (ramp(20.0) - 20.0).abs() < 1e-14);
     }
 }
