@@ -68,24 +68,21 @@ impl<T: Listed> LensletImage<'_, T> {
         let alpha_mean = 0.5 * (alpha.x + alpha.y);
         let widened = blur.widened(self.spot_mm, alpha_mean, px_by_stop);
 
-        // Place the edges and the middles of the pixels on the stop and on the array.
+        // Place the edges of the pixels on the stop and on the array, and their middles where the stop cuts.
+        let place = |axis: usize, at: f64| axes[axis].place(at, alpha[axis], by_shift, f64::INFINITY);
         for (axis, (first, end)) in [(left, right), (top, bottom)].into_iter().enumerate() {
-            let place = |at: f64| axes[axis].place(at, alpha[axis], by_shift, f64::INFINITY);
-            let (edges, points) = (&mut scratch.edges[axis], &mut scratch.points[axis]);
-            edges.clear();
-            points.clear();
-            for n in first..=end {
-                edges.push(place(n as f64));
-            }
-            for n in first..end {
-                points.push(place(n as f64 + 0.5));
-            }
+            scratch.edges[axis].clear();
+            scratch.edges[axis].extend((first..=end).map(|n| place(axis, n as f64)));
         }
         let [column, row] = [left, top].map(|first| first as u32);
         let patch = Patch { column, row, columns: (right - left) as u32, rows: (bottom - top) as u32 };
         if !self.beam.is_bent() && !widened.has_pixel && self.is_inside_stop(&axes, alpha) {
             self.unshaded::<N>((blur, ladder), &widened, Cut::none(patch.columns, alpha, line.centre), scratch);
             return Some(patch);
+        }
+        for (axis, (first, end)) in [(left, right), (top, bottom)].into_iter().enumerate() {
+            scratch.points[axis].clear();
+            scratch.points[axis].extend((first..end).map(|n| place(axis, n as f64 + 0.5)));
         }
 
         // Take the mean of the cell over each pixel.
@@ -156,7 +153,7 @@ impl<T: Listed> LensletImage<'_, T> {
         let more_mm = widened.sigma_mm - tables.sigma_mm;
         let image = LensletImage { tables, spot_mm: widened.sigma_mm, more_mm, ..*self };
         scratch.pixels.clear();
-        scratch.pixels.resize(scratch.points[0].len() * scratch.points[1].len(), [0.0; QUANTITIES]);
+        scratch.pixels.resize((scratch.edges[0].len() - 1) * (scratch.edges[1].len() - 1), [0.0; QUANTITIES]);
         if N <= LIGHT {
             T::integrate::<LIGHT>(&image, scratch, cut);
         } else {
