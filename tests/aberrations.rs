@@ -17,12 +17,21 @@ const SIGMA_PX: f64 = 0.75;
 const PLACES: [[f64; 3]; 4] = [[0.79, -0.67, 0.3], [-0.71, -0.82, -0.9], [0.77, 0.7, 2.3], [0.85, -0.73, -4.5]];
 
 /// Terms that move rays by about a pixel at [`PLACES`]: each alone, and all.
-fn terms() -> [(&'static str, Aberrations); 5] {
+fn terms() -> [(&'static str, Aberrations); 7] {
     let none = Aberrations::default();
-    let all = Aberrations { spherical_px: 1.0, coma_px: 2.0, astigmatism_px: 4.0, field_curvature_px: -4.0 };
+    let all = Aberrations {
+        spherical_px: 1.0,
+        secondary_spherical_px: -0.3,
+        coma_px: 2.0,
+        coma_px_per_mm: 0.1,
+        astigmatism_px: 4.0,
+        field_curvature_px: -4.0,
+    };
     [
         ("spherical", Aberrations { spherical_px: 1.0, ..none }),
+        ("secondary spherical", Aberrations { secondary_spherical_px: 0.6, ..none }),
         ("coma", Aberrations { coma_px: 2.0, ..none }),
+        ("growing coma", Aberrations { coma_px_per_mm: 0.6, ..none }),
         ("astigmatism", Aberrations { astigmatism_px: 4.0, ..none }),
         ("field curvature", Aberrations { field_curvature_px: 4.0, ..none }),
         ("all", all),

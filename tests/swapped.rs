@@ -114,7 +114,8 @@ fn python_traces_the_rays_of_every_camera() {
         json!({"medium": {"index": 1.333, "window_z_mm": 30}, "main_lens": {"pupil_distance_mm": 300}}),
         json!({"main_lens": {"pupil_distance_mm": 500}, "microlenses": {"layout": "hexagonal"}}),
         json!({"main_lens": {"pupil_vergence_per_mm": -0.001},
-            "aberrations": {"spherical_px": 1, "coma_px": -2, "astigmatism_px": 1.5, "field_curvature_px": -1}}),
+            "aberrations": {"spherical_px": 1, "secondary_spherical_px": -1.5, "coma_px": -2, "coma_px_per_mm": 0.4,
+                "astigmatism_px": 1.5, "field_curvature_px": -1}}),
         json!({"main_lens": {"telecentric": {"index": 1.33}, "working_f_number": 1.2}, "distortion": {"radial": [5, 0, 0]}}),
     ];
     let Some(mut python) = python(&["numpy"]) else { return };

@@ -30,7 +30,7 @@ const OFFSET: DVec3 = DVec3::new(0.13, -0.07, 0.15);
 fn a_perfect_camera_gets_no_new_parameters() {
     let truth = points::camera(LENSLETS);
     let found = main_lens(&exposures(&truth, OFFSET), &truth, &|_| ()).unwrap();
-    assert!(found.selected.is_empty(), "{:?}", found.selected);
+    assert!(found.selected.is_empty(), "{:?} {:?}", found.selected, found.values);
     assert_eq!(found.used, [0, 1, 2, 3]);
     assert_eq!(found.dots, 25);
     assert!(found.camera.distortion.is_none() && found.camera.tilt.is_none() && found.camera.centres.is_none());
@@ -84,8 +84,13 @@ fn aberrations_are_found_within_their_uncertainty() {
     let nominal = points::camera(LENSLETS);
     let mut truth = nominal.clone();
     truth.main_lens.magnification = 1.003;
-    truth.aberrations =
-        Some(Aberrations { spherical_px: 1.0, coma_px: 1.0, astigmatism_px: 1.0, field_curvature_px: -1.0 });
+    truth.aberrations = Some(Aberrations {
+        spherical_px: 1.0,
+        coma_px: 1.0,
+        astigmatism_px: 1.0,
+        field_curvature_px: -1.0,
+        ..Aberrations::default()
+    });
     let found = main_lens(&exposures(&truth, OFFSET), &nominal, &|_| ()).unwrap();
     println!("{:?} {:?} {:?}", found.selected, found.values, found.rms_px);
     let wanted = [

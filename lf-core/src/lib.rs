@@ -3,7 +3,7 @@
 //! 1. [`io`] reads an input; [`camera`], [`image`], [`volume`], [`field`], [`particles`] and [`scene`] check it.
 //! 2. [`camera`] and its [`lattice`] of lenslets give the rays ([`optics`]); a [`grid`] places voxels in space.
 //! 3. [`light`] checks whether a frame was taken by its camera. [`views`] and [`weights`] give the pixels that a voxel
-//!    lights and [`flow`] moves particles; [`statistics`], [`linear`] and [`simd`] serve all.
+//!    lights and [`flow`] moves particles; [`statistics`], [`normal`], [`linear`] and [`simd`] serve all.
 //! 4. [`volume`], [`image`] and [`field`] encode results with their [`history`], [`io`] writes them.
 //! 5. [`cli`] is what the command lines of all tools share; [`json`] names the mistakes in files that people write.
 //!
@@ -63,6 +63,7 @@ pub mod json;
 pub mod lattice;
 pub mod light;
 pub mod linear;
+pub mod normal;
 pub mod optics;
 pub mod particle_image;
 pub mod particles;

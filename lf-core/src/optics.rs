@@ -64,6 +64,8 @@
 //!   width of the stop, and h the chief ray's place on the array, without distortion, over half the sensor's diagonal.
 //!   With Seidel's terms S, C, A and F (spherical aberration, coma, astigmatism, field curvature),
 //!   `(x_m, y_m) += S u u^2 + C (2 u (u h) + h u^2) + A h (u h) + F u h^2`, where products are those of vectors.
+//!   Two further terms are what fast lenses need next: secondary spherical aberration T, `T u u^4`, and a coma that
+//!   grows with depth, `C = C_0 + C_1 Z`.
 //! - **Gap and tilt.** A sensor at a distance g other than f_l sees the ray after the lenslet has bent it:
 //!   `x_s = x_m + g ((x_m - U) / s_i - (x_m - c) / f_l)`, with l in place of s_i if there is an exit pupil. On a tilted
 //!   sensor g is the gap at x_s. Places on a tilted sensor are read along the axis, an error of half the square of the
@@ -304,9 +306,10 @@ impl Optics {
         self.has_bent_rays
     }
 
-    /// The aberrations; None without the block.
-    pub(crate) fn aberrations(&self) -> Option<RayAberrations> {
-        self.aberrations
+    /// The aberrations of a point at a depth; None without the block.
+    #[inline(always)]
+    pub(crate) fn aberrations(&self, z_mm: f64) -> Option<RayAberrations> {
+        self.aberrations.map(|aberrations| aberrations.at(z_mm))
     }
 
     /// The microlens lattice.
@@ -409,7 +412,7 @@ impl Optics {
     #[inline(always)]
     pub fn array_from_object(&self, object_mm: DVec2, z_mm: f64, aperture_mm: DVec2) -> DVec2 {
         let hit = self.perfect_hit(object_mm, z_mm, aperture_mm) + self.distortion_mm(object_mm, z_mm);
-        let Some(aberrations) = &self.aberrations else { return hit };
+        let Some(aberrations) = self.aberrations(z_mm) else { return hit };
         hit + aberrations.shift_mm(self.perfect_hit(object_mm, z_mm, DVec2::ZERO), aperture_mm)
     }
 

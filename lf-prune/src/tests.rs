@@ -25,8 +25,14 @@ const PLAIN: PruneOptions =
 const DISTORTION: Distortion = Distortion { radial: [4000.0, 0.0, 0.0], tangential: [0.5, -1.0] };
 
 /// A pixel at the corner of a sensor that is four times as wide.
-const ABERRATIONS: Aberrations =
-    Aberrations { spherical_px: 1.0, coma_px: 0.25, astigmatism_px: 0.0625, field_curvature_px: 0.0625 };
+const ABERRATIONS: Aberrations = Aberrations {
+    spherical_px: 1.0,
+    secondary_spherical_px: 0.0,
+    coma_px: 0.25,
+    coma_px_per_mm: 0.0,
+    astigmatism_px: 0.0625,
+    field_curvature_px: 0.0625,
+};
 
 /// All kinds of score, each with a threshold that keeps some voxels, and another number of sections.
 const RULES: [PruneOptions; 6] = [

@@ -683,7 +683,7 @@ class Camera:
             bent = given.get("distortion", {})
             self.distortion = (*bent.get("radial", (0, 0, 0)), *bent.get("tangential", (0, 0)))
             terms = given.get("aberrations", {})
-            names = ("spherical_px", "coma_px", "astigmatism_px", "field_curvature_px")
+            names = ("spherical_px", "secondary_spherical_px", "coma_px", "coma_px_per_mm", "astigmatism_px", "field_curvature_px")
             self.aberrations_mm = [terms.get(name, 0) * self.pixel_mm for name in names]
             self.medium, self.centres = given.get("medium"), given.get("centres")
             if self.medium is not None:
@@ -722,7 +722,7 @@ class Camera:
         hit = self._undistorted_mm(x, y, z, u, v)
         moved = self._distortion_mm(x, y, z) if any(self.distortion) else (0, 0)
         if any(self.aberrations_mm):
-            shift = self._aberrations_mm(self._undistorted_mm(x, y, z, 0.0, 0.0), u, v)
+            shift = self._aberrations_mm(self._undistorted_mm(x, y, z, 0.0, 0.0), z, u, v)
             moved = moved[0] + shift[0], moved[1] + shift[1]
         return hit[0] + moved[0], hit[1] + moved[1]
 
@@ -741,13 +741,14 @@ class Camera:
             return alpha * u - beta * x, alpha * v - beta * y
         return self._behind_window(x, y, z, u, v)
 
-    def _aberrations_mm(self, chief, u, v):
+    def _aberrations_mm(self, chief, z, u, v):
         """Shifts of rays on the array, whose chief rays meet it at `chief`."""
-        spherical, coma, astigmatism, curvature = self.aberrations_mm
+        spherical, secondary, coma, coma_growth, astigmatism, curvature = self.aberrations_mm
+        coma = coma + coma_growth * z
         per_half, per_corner = 2 / self.aperture_mm, 2 / (self.pixel_mm * np.hypot(*self.sensor_px))
         u, v, x, y = per_half * u, per_half * v, per_corner * chief[0], per_corner * chief[1]
         square, along = u * u + v * v, u * x + v * y
-        by_stop = spherical * square + 2 * coma * along + curvature * (x * x + y * y)
+        by_stop = (spherical + secondary * square) * square + 2 * coma * along + curvature * (x * x + y * y)
         by_field = coma * square + astigmatism * along
         return u * by_stop + x * by_field, v * by_stop + y * by_field
 

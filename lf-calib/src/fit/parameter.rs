@@ -50,7 +50,9 @@ parameters! {
     P1 "p1",
     P2 "p2",
     Spherical "spherical_px",
+    SecondarySpherical "secondary_spherical_px",
     Coma "coma_px",
+    ComaGrowth "coma_px_per_mm",
     Astigmatism "astigmatism_px",
     FieldCurvature "field_curvature_px",
     Index "index",
@@ -61,6 +63,7 @@ impl Parameter {
     /// Its unit in reports.
     pub fn unit(self) -> &'static str {
         match self.name() {
+            name if name.ends_with("_px_per_mm") => "px/mm",
             name if name.ends_with("_per_mm") => "1/mm",
             name if name.ends_with("_mm") => "mm",
             name if name.ends_with("_rad") => "rad",
@@ -89,7 +92,8 @@ impl Parameter {
             Self::K2 => 1e-4 / corner.powi(4),
             Self::K3 => 1e-4 / corner.powi(6),
             Self::P1 | Self::P2 => 1e-4 / corner,
-            Self::Spherical | Self::Coma | Self::Astigmatism | Self::FieldCurvature => 0.3,
+            Self::Spherical | Self::SecondarySpherical | Self::Coma | Self::Astigmatism | Self::FieldCurvature => 0.3,
+            Self::ComaGrowth => 0.1,
             Self::Index => 1e-3,
             Self::Window => 1.0,
         }

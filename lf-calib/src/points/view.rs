@@ -251,7 +251,9 @@ pub(crate) mod tests {
             ("aberrations", |camera| {
                 camera.aberrations = Some(Aberrations {
                     spherical_px: 1.0,
+                    secondary_spherical_px: 0.5,
                     coma_px: 3.0,
+                    coma_px_per_mm: 0.5,
                     astigmatism_px: 3.0,
                     field_curvature_px: -2.0,
                 });

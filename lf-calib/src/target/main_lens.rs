@@ -74,7 +74,7 @@ fn groups(nominal: &Camera) -> Vec<ParameterGroup> {
     let one = |parameters: &'static [P], after: Option<P>| ParameterGroup {
         parameters,
         after,
-        is_first: after.is_none() && !matches!(parameters[0], P::Index | P::Window),
+        is_first: after.is_none() && !matches!(parameters[0], P::ComaGrowth | P::Index | P::Window),
     };
     let measured = nominal.calibration.as_ref().is_some_and(|calibration| calibration.get("lattice").is_some());
     let lens = &nominal.main_lens;
@@ -91,7 +91,9 @@ fn groups(nominal: &Camera) -> Vec<ParameterGroup> {
         one(&[P::K3], Some(P::K2)),
         one(&[P::P1, P::P2], None),
         one(&[P::Spherical], None),
+        one(&[P::SecondarySpherical], Some(P::Spherical)),
         one(&[P::Coma], None),
+        one(&[P::ComaGrowth], None),
         one(&[P::Astigmatism], None),
         one(&[P::FieldCurvature], None),
     ];

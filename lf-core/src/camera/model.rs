@@ -126,7 +126,8 @@ pub struct Distortion {
     pub tangential: [f64; 2],
 }
 
-/// Seidel's aberrations of the main lens but distortion: how far they move rays on the array, px of the sensor.
+/// Seidel's aberrations of the main lens but distortion, the next term of the spherical aberration, and how the coma
+/// changes with depth: how far they move rays on the array, px of the sensor.
 /// Positive terms move rays away from the chief ray, as a point nearer to the camera does; positive coma moves them
 /// away from the axis. [`crate::optics`] has the equation.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
@@ -135,10 +136,16 @@ pub struct Aberrations {
     /// For rays through the rim of the stop, anywhere in the field.
     #[serde(default)]
     pub spherical_px: f64,
+    /// Secondary spherical aberration, for rays through the rim: it grows by the fifth power of the place in the stop.
+    #[serde(default, skip_serializing_if = "crate::json::is_zero")]
+    pub secondary_spherical_px: f64,
     /// At the corner of the sensor, of rays through the rim on the diameter across the field's direction. Those on the
     /// diameter along it move three times as far.
     #[serde(default)]
     pub coma_px: f64,
+    /// Growth of the coma for a mm of depth. A lens without coma in focus has it before and behind.
+    #[serde(default, skip_serializing_if = "crate::json::is_zero")]
+    pub coma_px_per_mm: f64,
     /// At the corner, of rays through the rim on the diameter along the field's direction, beyond the field curvature.
     #[serde(default)]
     pub astigmatism_px: f64,

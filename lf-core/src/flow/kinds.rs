@@ -29,7 +29,7 @@ pub enum Flow {
         #[serde(default, skip_serializing_if = "Option::is_none")]
         length_px: Option<f64>,
         /// Phase in the middle of the volume, rad; 0, a crest, if absent.
-        #[serde(default, skip_serializing_if = "is_zero")]
+        #[serde(default, skip_serializing_if = "crate::json::is_zero")]
         phase_rad: f64,
     },
     /// Solid-body rotation.
@@ -208,8 +208,4 @@ fn direction(axis: &[f64; 3]) -> Result<(), Refusal> {
     let is_direction = (1e-9..MOST).contains(&DVec3::from(*axis).length());
     let wanted = "wanted a direction of a length within 1e-9 to 1e9";
     Refusal::unless(is_direction, || format!("flow.axis is {axis:?}"), wanted)
-}
-
-fn is_zero(number: &f64) -> bool {
-    *number == 0.0
 }

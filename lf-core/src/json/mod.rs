@@ -9,4 +9,5 @@ mod read;
 mod reader;
 mod suggest;
 
+pub(crate) use read::is_zero;
 pub use read::{mistakes, read};

@@ -12,6 +12,11 @@ const TAG: &str = "kind";
 /// Maximum number of mistakes that are reported.
 const MAX_MISTAKES: usize = 20;
 
+/// Whether a number is the one that a file need not name.
+pub(crate) fn is_zero(number: &f64) -> bool {
+    *number == 0.0
+}
+
 /// Reads a JSON value as a type. The error is a phrase that names all missing keys, unknown keys and wrong values.
 pub fn read<T: DeserializeOwned>(value: &Value) -> Result<T, String> {
     T::deserialize(Reader::new(value, &Known::default())).map_err(|_| mistakes::<T>(value, "").join(", "))

@@ -30,8 +30,8 @@ pub(super) struct Tracer {
 
 /// Step of the derivatives, mm. They err by its square over the squared distance of the lens: 1e-11.
 const STEP_MM: f64 = 1e-3;
-/// Terms of a bend: all powers of U up to the third.
-const TERMS: usize = 10;
+/// Terms of a bend: all powers of U up to the third, and U times its length to the fourth power.
+const TERMS: usize = 12;
 /// Fixed-point steps to the place of the stop whose light meets a lenslet.
 const BEND_STEPS: usize = 3;
 /// Step of a bend's slope, half apertures.
@@ -41,8 +41,8 @@ const STANDS: f64 = 0.7;
 
 /// The powers of a place in the stop, in half apertures.
 fn terms(place: DVec2) -> [f64; TERMS] {
-    let (u, v) = (place.x, place.y);
-    [1.0, u, v, u * u, u * v, v * v, u * u * u, u * u * v, u * v * v, v * v * v]
+    let ((u, v), fourth) = ((place.x, place.y), place.length_squared().powi(2));
+    [1.0, u, v, u * u, u * v, v * v, u * u * u, u * u * v, u * v * v, v * v * v, u * fourth, v * fourth]
 }
 
 impl Tracer {
@@ -125,8 +125,12 @@ impl Beam {
     pub(super) fn curvature(&self, aperture: DVec2, half_aperture_mm: f64) -> [DVec2; 2] {
         let Some(bend) = &self.bend else { return [DVec2::ZERO; 2] };
         let (u, v) = (aperture / half_aperture_mm).into();
-        let [_, _, _, uu, _, vv, uuu, uuv, uvv, vvv] = *bend;
-        let along = [2.0 * uu + 6.0 * u * uuu + 2.0 * v * uuv, 2.0 * vv + 6.0 * v * vvv + 2.0 * u * uvv];
+        let [_, _, _, uu, _, vv, uuu, uuv, uvv, vvv, u_fourth, v_fourth] = *bend;
+        let ([u2, v2], both) = ([u * u, v * v], u * u_fourth + v * v_fourth);
+        let along = [
+            2.0 * uu + 6.0 * u * uuu + 2.0 * v * uuv + (12.0 * u2 + 4.0 * v2) * both + 8.0 * (u2 + v2) * u * u_fourth,
+            2.0 * vv + 6.0 * v * vvv + 2.0 * u * uvv + (12.0 * v2 + 4.0 * u2) * both + 8.0 * (u2 + v2) * v * v_fourth,
+        ];
         along.map(|bent| bent / (half_aperture_mm * half_aperture_mm))
     }
 
@@ -154,12 +158,13 @@ impl Beam {
     }
 }
 
-/// Seventeen places of the stop, in half apertures, and the rows of the pseudo-inverse of their terms.
+/// Twenty-five places of the stop, in half apertures, and the rows of the pseudo-inverse of their terms.
 fn least_squares() -> (Vec<DVec2>, Vec<[f64; TERMS]>) {
     let ring = |radius: f64, turn: f64| {
         (0..8).map(move |n| radius * DVec2::from_angle((n as f64 + turn) * std::f64::consts::FRAC_PI_4))
     };
-    let places: Vec<DVec2> = std::iter::once(DVec2::ZERO).chain(ring(0.5, 0.0)).chain(ring(0.95, 0.5)).collect();
+    let places: Vec<DVec2> =
+        std::iter::once(DVec2::ZERO).chain(ring(0.45, 0.0)).chain(ring(0.75, 0.5)).chain(ring(0.97, 0.0)).collect();
     // Normal equations, solved by Gauss-Jordan elimination beside the identity.
     let mut system = [[0.0; 2 * TERMS]; TERMS];
     for terms in places.iter().map(|place| terms(*place)) {

@@ -1,10 +1,10 @@
 //! A lenslet's cell blurred by a particle's spot, and its double integral, as tables.
 
 use super::cross::{Cross, Line};
-use super::normal::{density, distribution, ramp};
 use super::spline::Spline;
 use super::table::Table;
 use crate::lattice::chord;
+use crate::normal::{density, distribution, ramp};
 use glam::DVec2;
 use std::cmp::Ordering;
 use std::sync::{Arc, OnceLock};

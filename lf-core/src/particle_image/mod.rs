@@ -42,7 +42,6 @@ mod lenslet_lines;
 mod mean;
 mod means;
 mod model;
-mod normal;
 mod place;
 mod rectangle;
 mod rim;

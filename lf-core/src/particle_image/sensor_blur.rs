@@ -1,6 +1,6 @@
 //! The blur of a sensor: how it widens the spot of a particle, and how much of a bump lies on one side of an edge.
 
-use super::normal::{density, distribution};
+use crate::normal::{density, distribution};
 use crate::{Camera, halo::Halo};
 use glam::DVec4;
 

@@ -72,7 +72,7 @@ fn distance_from_blurred_rays(camera: &Camera, place: [f64; 3], rays: usize) -> 
     let model = ParticleModel::new(camera, SIGMA_MM, DEPTH_MM).unwrap();
     let sigma = camera.blur.unwrap().sigma_px;
     let reach = (4.5 * sigma).ceil() as i64;
-    let bell: Vec<f64> = (-6000..=6000).map(|n| super::normal::distribution(f64::from(n) * 1e-3)).collect();
+    let bell: Vec<f64> = (-6000..=6000).map(|n| crate::normal::distribution(f64::from(n) * 1e-3)).collect();
     let share = |at: f64, pixel: i64| {
         let end = |n: i64| bell[(((n as f64 - at) / sigma).clamp(-6.0, 6.0) * 1e3 + 6000.0).round() as usize];
         end(pixel + 1) - end(pixel)
@@ -268,9 +268,17 @@ fn light_is_where_rays_fall() {
 /// Cameras with aberrations that move rays by about a pixel at [`ASIDE`]: each alone, and all.
 fn aberrated() -> Vec<(String, Camera)> {
     let none = Aberrations::default();
-    let all = Aberrations { spherical_px: 1.0, coma_px: 2.0, astigmatism_px: 4.0, field_curvature_px: -4.0 };
+    let all = Aberrations {
+        spherical_px: 1.0,
+        secondary_spherical_px: -0.3,
+        coma_px: 2.0,
+        coma_px_per_mm: 0.1,
+        astigmatism_px: 4.0,
+        field_curvature_px: -4.0,
+    };
     let terms = [
         ("spherical", Aberrations { spherical_px: 1.0, ..none }),
+        ("secondary spherical", Aberrations { secondary_spherical_px: 0.6, ..none }),
         ("coma", Aberrations { coma_px: 2.0, ..none }),
         ("astigmatism", Aberrations { astigmatism_px: 4.0, ..none }),
         ("field curvature", Aberrations { field_curvature_px: 4.0, ..none }),

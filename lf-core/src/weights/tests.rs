@@ -203,7 +203,14 @@ fn exact_weights_follow_every_block() {
     let grid = grid([1.0, 1.0, 90.0]);
     let medium = Medium { index: 1.333, window_z_mm: 60.0, window_thickness_mm: 20.0, window_index: 1.49 };
     let distortion = Distortion { radial: [40_000.0, 0.0, 0.0], tangential: [20.0, -10.0] };
-    let aberrations = Aberrations { spherical_px: 5.0, coma_px: 14.0, astigmatism_px: -14.0, field_curvature_px: 14.0 };
+    let aberrations = Aberrations {
+        spherical_px: 5.0,
+        secondary_spherical_px: 5.0,
+        coma_px: 14.0,
+        coma_px_per_mm: 2.0,
+        astigmatism_px: -14.0,
+        field_curvature_px: 14.0,
+    };
     let centres = Centres { radius_mm: 2.0, x_mm: vec![0.02, 0.01, 0.06, 0.0, 0.05], y_mm: vec![0.01; 5] };
     for (layout, rotation) in [(Layout::Square, 0.0), (Layout::Hexagonal, 0.003)] {
         let names =

@@ -23,11 +23,12 @@ impl Aberrations {
         camera.aberrations.map(|terms| Self { terms, pixel_pitch_mm, rim_mm, corner_mm: corner_px * pixel_pitch_mm })
     }
 
-    /// The shift on the array, mm, of the ray through a place of the stop, for a chief ray that meets the array at
-    /// `chief_mm`.
+    /// The shift on the array, mm, of the ray of a point at depth `z_mm` through a place of the stop, for a chief ray
+    /// that meets the array at `chief_mm`.
     #[inline(always)]
-    pub(super) fn shift_mm(&self, chief_mm: DVec2, aperture_mm: DVec2) -> DVec2 {
-        let camera::Aberrations { spherical_px, coma_px, astigmatism_px, field_curvature_px } = self.terms;
+    pub(super) fn shift_mm(&self, z_mm: f64, chief_mm: DVec2, aperture_mm: DVec2) -> DVec2 {
+        let camera::Aberrations { astigmatism_px, field_curvature_px, .. } = self.terms;
+        let coma_px = self.terms.coma_px + self.terms.coma_px_per_mm * z_mm;
         if aperture_mm == DVec2::ZERO {
             return DVec2::ZERO;
         }
@@ -35,11 +36,12 @@ impl Aberrations {
         let field = chief_mm.try_normalize().unwrap_or(DVec2::X);
         let height = chief_mm.length() / self.corner_mm;
         let (radius, angle) = (aperture_mm.length() / self.rim_mm, field.angle_to(aperture_mm));
-        let (cube, square) = (spherical_px * radius.powi(3), coma_px * height * radius.powi(2));
-        let along = cube * angle.cos()
+        let spherical = self.terms.spherical_px * radius.powi(3) + self.terms.secondary_spherical_px * radius.powi(5);
+        let square = coma_px * height * radius.powi(2);
+        let along = spherical * angle.cos()
             + square * (2.0 + (2.0 * angle).cos())
             + (astigmatism_px + field_curvature_px) * height.powi(2) * radius * angle.cos();
-        let across = cube * angle.sin()
+        let across = spherical * angle.sin()
             + square * (2.0 * angle).sin()
             + field_curvature_px * height.powi(2) * radius * angle.sin();
         self.pixel_pitch_mm * (along * field + across * field.perp())

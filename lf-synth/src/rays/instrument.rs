@@ -158,7 +158,7 @@ impl Instrument {
     fn aberration_mm(&self, point_mm: DVec2, z_mm: f64, aperture_mm: DVec2) -> DVec2 {
         let Some(aberrations) = &self.aberrations else { return DVec2::ZERO };
         let distorted = self.optics.array_from_object(point_mm, z_mm, DVec2::ZERO);
-        aberrations.shift_mm(distorted - self.optics.distortion_mm(point_mm, z_mm), aperture_mm)
+        aberrations.shift_mm(z_mm, distorted - self.optics.distortion_mm(point_mm, z_mm), aperture_mm)
     }
 
     /// Casts the rays through one row of white cells and counts them in `tally`.

@@ -124,15 +124,20 @@ fn blocks(about: &mut Description, camera: &Camera) {
         let (radial, tangential) = (list(&distortion.radial), list(&distortion.tangential));
         about.line("distortion", format!("radial {radial}; tangential {tangential}"));
     }
-    if let Some(Aberrations { spherical_px, coma_px, astigmatism_px, field_curvature_px }) = camera.aberrations {
+    if let Some(terms) = camera.aberrations {
+        let Aberrations { spherical_px, secondary_spherical_px, coma_px, .. } = terms;
+        let Aberrations { coma_px_per_mm, astigmatism_px, field_curvature_px, .. } = terms;
         let terms = [
             ("spherical", spherical_px),
+            ("secondary spherical", secondary_spherical_px),
             ("coma", coma_px),
+            ("coma by mm of depth", coma_px_per_mm),
             ("astigmatism", astigmatism_px),
             ("field curvature", field_curvature_px),
         ];
-        let terms = terms.map(|(name, px)| format!("{name} {}", figures(px))).join(", ");
-        about.line("aberrations", format!("{terms}: px at the rim of the stop and the sensor's corner"));
+        let terms = terms.iter().filter(|(_, px)| *px != 0.0).map(|(name, px)| format!("{name} {}", figures(*px)));
+        let terms: Vec<String> = terms.collect();
+        about.line("aberrations", format!("{}: px at the rim of the stop and the sensor's corner", terms.join(", ")));
     }
     if let Some(centres) = &camera.centres {
         let terms = centres.x_mm.len();
@@ -186,7 +191,7 @@ mod tests {
         let text = self::camera(&camera).to_string();
         assert_shows(
             &text,
-            &["index 1.333, its", "1 mrad along x", "0.31 mm", "radial 0.5, 0, 0", "coma 0.4, astigmatism 0"],
+            &["index 1.333, its", "1 mrad along x", "0.31 mm", "radial 0.5, 0, 0", "coma 0.4: px at the rim"],
         );
         assert_shows(&text, &["degree 2", "flat.exr", "lattice\n"]);
     }

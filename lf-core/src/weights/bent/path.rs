@@ -137,7 +137,7 @@ impl Bent {
         let object = sensor_axes(object);
         let Slice { rays, shares } = self.slice(voxel[2]);
         let aberrations =
-            optics.aberrations().map(|aberrations| (aberrations, rays.through(object, DVec2::ZERO).array));
+            optics.aberrations(z_mm).map(|aberrations| (aberrations, rays.through(object, DVec2::ZERO).array));
         for section in &self.sections {
             // Trace the section's rays to the array.
             let mut hit = rays.through(object, section.middle);

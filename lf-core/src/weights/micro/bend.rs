@@ -63,9 +63,9 @@ pub(super) struct Bend {
     pub(super) unlike: f64,
 }
 
-/// Distance on the array within which aberrations bend the rays of all points alike, mm; infinite without.
-pub(super) fn alike_mm(optics: &Optics) -> f64 {
-    let by_field = optics.aberrations().map_or(0.0, |aberrations| aberrations.by_field());
+/// Distance on the array within which aberrations bend the rays of all points at a depth alike, mm; infinite without.
+pub(super) fn alike_mm(optics: &Optics, z_mm: f64) -> f64 {
+    let by_field = optics.aberrations(z_mm).map_or(0.0, |aberrations| aberrations.by_field());
     APART_PX * optics.pixel_pitch_mm / by_field
 }
 
@@ -126,7 +126,7 @@ impl Bend {
             let ends = [0, grid.shape[axis] - 1].map(|voxel| grid.centre_mm(axis, voxel));
             (0.5 * (ends[0] + ends[1]), 0.5 * (ends[1] - ends[0]))
         });
-        let apart_mm = APART_MM.min(alike_mm(optics));
+        let apart_mm = APART_MM.min(alike_mm(optics, z_mm));
         let counts = ends.map(|(_, half)| ((2.0 * half * beta / apart_mm) as usize + 1).clamp(NODES[0], NODES[1]));
         let axial = optics.array_from_object(DVec2::ZERO, z_mm, DVec2::new(0.5 * optics.half_aperture_mm, 0.0));
         let alpha = axial.x / (0.5 * optics.half_aperture_mm);
@@ -181,7 +181,7 @@ impl Bend {
         self.reach = self.reach.max(farthest / BEYOND);
         let range = widths.iter().fold([f64::INFINITY, 0.0], |[a, b], [width]| [width.min(a), width.max(b)]);
         self.widths = [self.widths[0].min(range[0]), self.widths[1].max(range[1])];
-        if optics.aberrations().is_some() {
+        if optics.aberrations(z_mm).is_some() {
             self.unlike = self.unlike.max(range[1] / range[0]);
         }
         self.nodes.push(Node { departure, inverse, width });

@@ -111,7 +111,8 @@ impl Micro {
             && array.along.y.abs() < 1e-6 * array.along.x
             && geometry.optics.distortion_mm(DVec2::ONE, 0.0) == DVec2::ZERO;
         let voxel_mm = geometry.optics.beta(0.0) * geometry.grid.spacing_mm[0];
-        let alike = (alike_mm(&geometry.optics) / voxel_mm) as usize;
+        let alike_at = |z: usize| alike_mm(&geometry.optics, geometry.grid.centre_mm(2, z));
+        let alike = (alike_at(0).min(alike_at(slices.len() - 1)) / voxel_mm) as usize;
         let block = if is_straight { 4096 } else { alike.clamp(MIN_BLOCK, MAX_BLOCK) };
         let one_by_one = match geometry.optics.bends_rays() || array.is_tilted() {
             true => OneByOne::Bent(Bent::new(geometry.clone())),

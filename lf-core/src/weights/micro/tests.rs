@@ -16,8 +16,14 @@ use rayon::prelude::*;
 const STEP: u32 = 14;
 const STOPS: [Aperture; 2] = [Aperture::Circle, Aperture::Square];
 const TANK: Medium = Medium { index: 1.333, window_z_mm: 60.0, window_thickness_mm: 20.0, window_index: 1.49 };
-const ALL_TERMS: Aberrations =
-    Aberrations { spherical_px: 1.0, coma_px: 2.0, astigmatism_px: 4.0, field_curvature_px: -4.0 };
+const ALL_TERMS: Aberrations = Aberrations {
+    spherical_px: 1.0,
+    secondary_spherical_px: 0.0,
+    coma_px: 2.0,
+    coma_px_per_mm: 0.0,
+    astigmatism_px: 4.0,
+    field_curvature_px: -4.0,
+};
 
 fn grid() -> Grid {
     let shape = [41, 41, 21];
@@ -181,15 +187,15 @@ fn most(name: &str, basis: Basis) -> f64 {
 
 #[test]
 fn the_engine_is_near_rays_with_every_block() {
-    for layout in [Layout::Square, Layout::Hexagonal] {
-        for stop in STOPS {
-            for (name, camera) in blocks(stop, layout) {
-                let off = distances(&camera, &grid(), Basis::Point);
-                let (worst, mean) =
-                    (off.iter().fold(0f64, |a, b| a.max(*b)), off.iter().sum::<f64>() / off.len() as f64);
-                println!("{layout:?} {stop:?} {name}: worst {worst:.4}, mean {mean:.4}");
-                assert!(worst < most(name, Basis::Point), "{layout:?} {stop:?} {name}: {off:.4?}");
-            }
+    // Stops take turns, other ones in the other layout.
+    for (shift, layout) in [Layout::Square, Layout::Hexagonal].into_iter().enumerate() {
+        for n in 0..blocks(STOPS[0], layout).len() {
+            let stop = STOPS[(n + shift) % STOPS.len()];
+            let (name, camera) = blocks(stop, layout).swap_remove(n);
+            let off = distances(&camera, &grid(), Basis::Point);
+            let (worst, mean) = (off.iter().fold(0f64, |a, b| a.max(*b)), off.iter().sum::<f64>() / off.len() as f64);
+            println!("{layout:?} {stop:?} {name}: worst {worst:.4}, mean {mean:.4}");
+            assert!(worst < most(name, Basis::Point), "{layout:?} {stop:?} {name}: {off:.4?}");
         }
     }
 }
@@ -211,6 +217,7 @@ fn aberrated() -> Vec<(String, Camera, f64)> {
     let terms = [
         ("spherical", Aberrations { spherical_px: 1.0, ..none }, 0.035),
         ("coma", Aberrations { coma_px: 2.0, ..none }, 0.05),
+        ("growing coma", Aberrations { coma_px_per_mm: 0.4, ..none }, 0.05),
         ("astigmatism", Aberrations { astigmatism_px: 4.0, ..none }, 0.035),
         ("field curvature", Aberrations { field_curvature_px: 4.0, ..none }, 0.035),
         ("all", ALL_TERMS, 0.035),

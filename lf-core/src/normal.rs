@@ -3,17 +3,17 @@
 use std::f64::consts::{FRAC_1_SQRT_2, TAU};
 
 /// The density.
-pub(super) fn density(z: f64) -> f64 {
+pub fn density(z: f64) -> f64 {
     (-0.5 * z * z).exp() / TAU.sqrt()
 }
 
 /// The distribution.
-pub(super) fn distribution(z: f64) -> f64 {
+pub fn distribution(z: f64) -> f64 {
     0.5 * libm::erfc(-z * FRAC_1_SQRT_2)
 }
 
 /// The integral of the distribution up to z: `z Phi(z) + phi(z)`.
-pub(super) fn ramp(z: f64) -> f64 {
+pub fn ramp(z: f64) -> f64 {
     z * distribution(z) + density(z)
 }
 
