@@ -36,7 +36,6 @@ fn found(layout: &str, stop: &str, f_number: f64, sigma_px: f64) -> (Option<f64>
 }
 
 #[test]
-#[ignore = "takes a minute: scripts/check runs it"]
 fn the_blur_of_a_white_image_is_found() {
     for (layout, stop, f_number) in [
         ("square", "circle", 4.0),

@@ -95,7 +95,6 @@ fn move_by_three(folder: &Folder, from: &str, to: &str) {
 }
 
 #[test]
-#[ignore = "takes a minute: scripts/check runs it"]
 fn the_estimated_memory_is_the_memory_taken() {
     let folder = Folder::new();
     let noise = r#"sensor_noise={"dark_counts": 100, "read_noise_electrons": 3}"#;

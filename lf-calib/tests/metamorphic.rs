@@ -77,12 +77,14 @@ fn cases() -> &'static [Case; 3] {
 }
 
 #[test]
-fn mirrored_and_transposed() {
+fn mirrored_transposed_and_turned() {
     for Case { image, before } in cases() {
         let mirrored = measured(&image.slice(s![.., ..;-1]).to_owned());
         agree(before, &mirrored, |place| DVec2::new(SIZE.x - place.x, place.y));
         let transposed = measured(&image.t().to_owned());
         agree(before, &transposed, |place| DVec2::new(place.y, place.x));
+        let turned = measured(&image.t().slice(s![.., ..;-1]).to_owned());
+        agree(before, &turned, |place| DVec2::new(SIZE.y - place.y, place.x));
     }
 }
 

@@ -64,7 +64,6 @@ fn a_stop_of_another_size_is_measured() {
 
 /// Noise is not written into a camera, and a stated uncertainty holds.
 #[test]
-#[ignore = "takes a minute: scripts/check runs it"]
 fn widths_of_3_to_70_px_in_noise() {
     // Each noise with each width; lattices and fills take turns.
     let kinds = [(Layout::Square, 0.8), (Layout::Hexagonal, 0.95), (Layout::Square, 0.95), (Layout::Hexagonal, 0.8)];

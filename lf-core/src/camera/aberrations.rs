@@ -48,9 +48,16 @@ impl RayAberrations {
     pub(crate) fn shift_mm(&self, chief_mm: DVec2, aperture_mm: DVec2) -> DVec2 {
         let (u, h) = (self.per_half * aperture_mm, self.per_corner * chief_mm);
         let (r2, along) = (u.length_squared(), u.dot(h));
-        let spherical = (self.spherical_mm + self.secondary_spherical_mm * r2) * r2;
-        let by_stop = spherical + 2.0 * self.coma_mm * along + self.field_curvature_mm * h.length_squared();
-        u * by_stop + h * (self.coma_mm * r2 + self.astigmatism_mm * along)
+        u * self.by_stop_mm(r2, along, h) + h * (self.coma_mm * r2 + self.astigmatism_mm * along)
+    }
+
+    /// The part of the shift that is along the place in the stop, over that place, for its square and its product with
+    /// the field `h`.
+    #[inline(always)]
+    fn by_stop_mm(&self, r2: f64, along: f64, h: DVec2) -> f64 {
+        (self.spherical_mm + self.secondary_spherical_mm * r2) * r2
+            + 2.0 * self.coma_mm * along
+            + self.field_curvature_mm * h.length_squared()
     }
 
     /// Change of the shift along x with the place in the stop along x, and the same along y.
@@ -58,9 +65,7 @@ impl RayAberrations {
     pub(crate) fn slope(&self, chief_mm: DVec2, aperture_mm: DVec2) -> DVec2 {
         let (u, h) = (self.per_half * aperture_mm, self.per_corner * chief_mm);
         let r2 = u.length_squared();
-        let both = (self.spherical_mm + self.secondary_spherical_mm * r2) * r2
-            + 2.0 * self.coma_mm * u.dot(h)
-            + self.field_curvature_mm * h.length_squared();
+        let both = self.by_stop_mm(r2, u.dot(h), h);
         let each = 2.0 * (self.spherical_mm + 2.0 * self.secondary_spherical_mm * r2) * u * u
             + 4.0 * self.coma_mm * u * h
             + self.astigmatism_mm * h * h;

@@ -2,7 +2,7 @@
 
 use super::description::Description;
 use super::numbers::{figures, product, whole};
-use lf_core::camera::{Aberrations, Aperture, Layout};
+use lf_core::camera::{Aperture, Layout};
 use lf_core::{Camera, frame, lattice::MOST_DEGREE};
 use serde_json::Value;
 
@@ -125,18 +125,16 @@ fn blocks(about: &mut Description, camera: &Camera) {
         about.line("distortion", format!("radial {radial}; tangential {tangential}"));
     }
     if let Some(terms) = camera.aberrations {
-        let Aberrations { spherical_px, secondary_spherical_px, coma_px, .. } = terms;
-        let Aberrations { coma_px_per_mm, astigmatism_px, field_curvature_px, .. } = terms;
         let terms = [
-            ("spherical", spherical_px),
-            ("secondary spherical", secondary_spherical_px),
-            ("coma", coma_px),
-            ("coma by mm of depth", coma_px_per_mm),
-            ("astigmatism", astigmatism_px),
-            ("field curvature", field_curvature_px),
+            ("spherical", terms.spherical_px),
+            ("secondary spherical", terms.secondary_spherical_px),
+            ("coma", terms.coma_px),
+            ("coma by mm of depth", terms.coma_px_per_mm),
+            ("astigmatism", terms.astigmatism_px),
+            ("field curvature", terms.field_curvature_px),
         ];
-        let terms = terms.iter().filter(|(_, px)| *px != 0.0).map(|(name, px)| format!("{name} {}", figures(*px)));
-        let terms: Vec<String> = terms.collect();
+        let named = terms.iter().filter(|(_, px)| *px != 0.0).map(|(name, px)| format!("{name} {}", figures(*px)));
+        let terms: Vec<String> = named.collect();
         about.line("aberrations", format!("{}: px at the rim of the stop and the sensor's corner", terms.join(", ")));
     }
     if let Some(centres) = &camera.centres {
