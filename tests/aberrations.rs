@@ -73,7 +73,7 @@ fn modelled(camera: &Camera, place_mm: [f64; 3]) -> [Array2<f32>; 2] {
     model.visit_light(place_mm, 1.0, &mut Scratch::default(), |patch, pixels| {
         for (n, pixel) in pixels.iter().enumerate() {
             let (across, down) = (n % patch.columns as usize, n / patch.columns as usize);
-            fitted[[patch.row as usize + down, patch.column as usize + across]] += pixel[0] as f32;
+            fitted[[patch.row as usize + down, patch.column as usize + across]] += pixel[0];
         }
     });
     let grid = Grid { shape: [1, 1, 1], spacing_mm: [pixel_mm; 3], origin_mm: place_mm };

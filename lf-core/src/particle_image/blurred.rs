@@ -21,7 +21,7 @@
 
 use super::axis::Axis;
 use super::cell_surface::{Ladder, REACH_SIGMA};
-use super::lenslet_image::{Cut, Hit, LIGHT, LensletImage, Listed, PLACES, Patch, QUANTITIES, Scratch};
+use super::lenslet_image::{Cut, Hit, LensletImage, Listed, PLACES, Patch, QUANTITIES, Scratch};
 use super::lenslet_lines::LensletLine;
 use super::mean::{FourPlaces, LANES, Mean};
 use super::place::Place;
@@ -130,7 +130,7 @@ impl<T: Listed> LensletImage<'_, T> {
 
     /// Whether the stop cuts nothing of what the cell takes of the spot: then a pixel's light is the cell's mean.
     #[inline(always)]
-    fn is_inside_stop(&self, axes: &[Axis; 2], alpha: DVec2) -> bool {
+    pub(super) fn is_inside_stop(&self, axes: &[Axis; 2], alpha: DVec2) -> bool {
         let View { corner, cell_radius, has_round_stop, ref optics, .. } = *self.view;
         let (chief, reach) = (DVec2::new(axes[0].chief, axes[1].chief), REACH_SIGMA * self.spot_mm);
         let far = match has_round_stop {
@@ -154,11 +154,7 @@ impl<T: Listed> LensletImage<'_, T> {
         let image = LensletImage { tables, spot_mm: widened.sigma_mm, more_mm, ..*self };
         scratch.pixels.clear();
         scratch.pixels.resize((scratch.edges[0].len() - 1) * (scratch.edges[1].len() - 1), [0.0; QUANTITIES]);
-        if N <= LIGHT {
-            T::integrate::<LIGHT>(&image, scratch, cut);
-        } else {
-            T::integrate::<QUANTITIES>(&image, scratch, cut);
-        }
+        T::integrate::<QUANTITIES>(&image, scratch, cut);
         for pixel in &mut scratch.pixels {
             pixel.iter_mut().for_each(|number| *number *= blur.share);
             let by_size = pixel[4];
@@ -342,49 +338,47 @@ impl Pixel {
         let share = scale * inside.share;
         let mut numbers = [DVec4::ZERO; QUANTITIES];
         numbers[0] = share * mean_level;
-        if N > LIGHT {
-            // Follow both factors: the mean by its slopes, the share by the middle of the bump.
-            let level = scale * mean_level;
-            let by_middle = [level * inside.by_middle[0], level * inside.by_middle[1]];
-            let along = |x_by: DVec4, u_by: DVec4| {
-                share * mean_slope[0] * x_by
-                    + by_middle[0] * (u_by + kernel_alpha.x * xx * x_by)
-                    + by_middle[1] * (kernel_alpha.y * xy * x_by)
+        // Follow both factors: the mean by its slopes, the share by the middle of the bump.
+        let level = scale * mean_level;
+        let by_middle = [level * inside.by_middle[0], level * inside.by_middle[1]];
+        let along = |x_by: DVec4, u_by: DVec4| {
+            share * mean_slope[0] * x_by
+                + by_middle[0] * (u_by + kernel_alpha.x * xx * x_by)
+                + by_middle[1] * (kernel_alpha.y * xy * x_by)
+        };
+        let across = |y_by: f64, u_by: f64| {
+            share * mean_slope[1] * y_by
+                + by_middle[0] * (kernel_alpha.x * xy * y_by)
+                + by_middle[1] * (u_by + kernel_alpha.y * yy * y_by)
+        };
+        let turned = kernel.x * by_middle[0] * slope[0] + kernel.y * by_middle[1] * slope[1];
+        numbers[1] = along(x.x_by[0], x.u_by[0]);
+        numbers[2] = across(y.x_by[0], y.u_by[0]);
+        numbers[3] = along(x.x_by[1], x.u_by[1])
+            + across(y.x_by[1], y.u_by[1])
+            + turned
+            + share * by_size * widened.by_alpha
+            + numbers[0] * self.growth;
+        if N > PLACES {
+            // The bump moves and narrows with the size of the spot, through both derivatives of the logarithm.
+            let (slope_by, curve_by) = log.by_size(mean);
+            let by_variance = [level * inside.by_variance[0], level * inside.by_variance[1]];
+            let by_bump = |n: usize| {
+                by_middle[n] * kernel_alpha[n] * slope_by[n]
+                    + by_variance[n] * (kernel_alpha[n] * kernel_alpha[n]) * curve_by[n]
             };
-            let across = |y_by: f64, u_by: f64| {
-                share * mean_slope[1] * y_by
-                    + by_middle[0] * (kernel_alpha.x * xy * y_by)
-                    + by_middle[1] * (u_by + kernel_alpha.y * yy * y_by)
+            let by_bump = by_bump(0) + by_bump(1);
+            let by_size = share * by_size + by_bump;
+            numbers[3] += by_bump * widened.by_alpha;
+            numbers[4] = by_size * widened.by_spot;
+            numbers[5] = along(x.x_by[2], x.u_by[2]);
+            numbers[6] = across(y.x_by[2], y.u_by[2]);
+            let kernel_by = 2.0 * blur.sigma_px * per_slope * per_slope;
+            let by_inside = |n: usize| {
+                let variance_by = kernel_by[n] * (1.0 + 2.0 * kernel[n] * curve[n]);
+                by_middle[n] * kernel_by[n] * alpha[n] * slope[n] + by_variance[n] * variance_by
             };
-            let turned = kernel.x * by_middle[0] * slope[0] + kernel.y * by_middle[1] * slope[1];
-            numbers[1] = along(x.x_by[0], x.u_by[0]);
-            numbers[2] = across(y.x_by[0], y.u_by[0]);
-            numbers[3] = along(x.x_by[1], x.u_by[1])
-                + across(y.x_by[1], y.u_by[1])
-                + turned
-                + share * by_size * widened.by_alpha
-                + numbers[0] * self.growth;
-            if N > PLACES {
-                // The bump moves and narrows with the size of the spot, through both derivatives of the logarithm.
-                let (slope_by, curve_by) = log.by_size(mean);
-                let by_variance = [level * inside.by_variance[0], level * inside.by_variance[1]];
-                let by_bump = |n: usize| {
-                    by_middle[n] * kernel_alpha[n] * slope_by[n]
-                        + by_variance[n] * (kernel_alpha[n] * kernel_alpha[n]) * curve_by[n]
-                };
-                let by_bump = by_bump(0) + by_bump(1);
-                let by_size = share * by_size + by_bump;
-                numbers[3] += by_bump * widened.by_alpha;
-                numbers[4] = by_size * widened.by_spot;
-                numbers[5] = along(x.x_by[2], x.u_by[2]);
-                numbers[6] = across(y.x_by[2], y.u_by[2]);
-                let kernel_by = 2.0 * blur.sigma_px * per_slope * per_slope;
-                let by_inside = |n: usize| {
-                    let variance_by = kernel_by[n] * (1.0 + 2.0 * kernel[n] * curve[n]);
-                    by_middle[n] * kernel_by[n] * alpha[n] * slope[n] + by_variance[n] * variance_by
-                };
-                numbers[7] = by_size * widened.by_blur + by_inside(0) + by_inside(1);
-            }
+            numbers[7] = by_size * widened.by_blur + by_inside(0) + by_inside(1);
         }
         scatter::<N>(mean, &numbers, out);
     }

@@ -21,7 +21,7 @@ pub(super) enum Surfaces {
 #[derive(Debug)]
 pub(super) struct Ladder<T> {
     /// Corners of the cell about the lenslet's centre, mm.
-    corners: Vec<DVec2>,
+    pub(super) corners: Vec<DVec2>,
     /// Standard deviations of the spots on the array, mm, and their tables.
     rungs: Vec<(f64, OnceLock<Tables<T>>)>,
     make: fn(&[DVec2], f64) -> Tables<T>,

@@ -8,6 +8,7 @@ use super::edge_sums::EdgeSums;
 use super::factor::Factor;
 use super::lenslet_lines::LensletLine;
 use super::mean::{FourPlaces, Mean};
+use super::picture_means::PictureMeans;
 use super::place::{Place, width};
 use super::rim::{self, Side, Strip, Way};
 use super::share::Shared;
@@ -149,10 +150,13 @@ pub struct Scratch {
     pub(super) factors: [Vec<Factor>; 2],
     pub(super) shared: Shared,
     pub(super) edge_sums: EdgeSums,
+    pub(super) even: PictureMeans,
     taps: Lists<Taps>,
     reads: Lists<Read>,
     lines: [Vec<[f64; QUANTITIES]>; 2],
     pub(super) pixels: Vec<[f64; QUANTITIES]>,
+    /// The first quantities of the pixels.
+    pub(super) places: Vec<[f32; PLACES]>,
 }
 
 /// Where a bent ray through the middle of a pixel meets the array.
@@ -180,17 +184,6 @@ pub(super) const NODES: [f64; 2] = [0.211_324_865_405_187_1, 0.788_675_134_594_8
 const FINE_IN_STOP: f64 = 0.16;
 /// Largest number of parts of a pixel a side.
 const FINEST: f64 = 4.0;
-
-impl Scratch {
-    /// The pixels of the last patch.
-    pub(super) fn pixels(&self) -> &[[f64; QUANTITIES]] {
-        &self.pixels
-    }
-
-    pub(super) fn pixels_mut(&mut self) -> &mut [[f64; QUANTITIES]] {
-        &mut self.pixels
-    }
-}
 
 /// A particle, as lenslets see it.
 pub(super) struct LensletImage<'a, T> {

@@ -4,12 +4,15 @@ use super::beam::{Beam, Tracer};
 use super::cell_surface::{Ladder, REACH_SIGMA, Surfaces, half_sides};
 use super::lenslet_image::{LIGHT, LensletImage, Listed, PLACES, Patch, QUANTITIES, Scratch};
 use super::lenslet_lines::LensletLines;
+use super::pictures::Pictures;
 use super::sensor_blur::SensorBlur;
 use super::view::View;
 use crate::halo::Halo;
+use crate::simd::fastest;
 use crate::{Camera, Optics, Refusal, camera::Aperture, weights::check_depth_mm};
 use glam::DVec2;
 use std::f64::consts::PI;
+use std::sync::Arc;
 
 /// Images of particles of one size, seen by one camera, within a range of depths.
 #[derive(Debug, Clone)]
@@ -39,6 +42,9 @@ const MOST_TURN_PX: f64 = 0.06;
 /// Cells whose corners lie this near to each other share their tables, px: an edge moves by a thousandth of a spot.
 const ALIKE_PX: f64 = 5e-4;
 
+/// Takes a lenslet and its pixels or places.
+type Found<'a> = &'a mut dyn FnMut(Patch, &Scratch);
+
 impl ParticleModel {
     /// For particles of standard deviation `sigma_mm` within `depth_mm`. Refuses depths that no camera sees (see
     /// [`check_depth_mm`]), and a size that is not above 0 or wider than two lenslets.
@@ -49,10 +55,10 @@ impl ParticleModel {
     /// The model of another size, or of a camera that was moved a little. It shares the tables where the cell is the
     /// same, and then costs little. Refuses what [`Self::new`] refuses.
     pub fn reshaped(&self, camera: &Camera, sigma_mm: f64, depth_mm: [f64; 2]) -> Result<Self, Refusal> {
-        Self::from(Some(&self.surfaces), camera, sigma_mm, depth_mm)
+        Self::from(Some(self), camera, sigma_mm, depth_mm)
     }
 
-    fn from(known: Option<&Surfaces>, camera: &Camera, sigma_mm: f64, depth_mm: [f64; 2]) -> Result<Self, Refusal> {
+    fn from(known: Option<&Self>, camera: &Camera, sigma_mm: f64, depth_mm: [f64; 2]) -> Result<Self, Refusal> {
         depth_mm.into_iter().try_for_each(|z| check_depth_mm(camera, z))?;
         let optics = Optics::new(camera);
         let tracer = Tracer::new(camera);
@@ -68,13 +74,20 @@ impl ParticleModel {
                 .collect();
         let corners = cell(&optics, pitch_mm, blur.is_some());
         let alike_mm = ALIKE_PX * optics.pixel_pitch_mm;
-        let known = known.filter(|surfaces| surfaces.are_for(&corners, &sizes, alike_mm)).cloned();
+        let known = known.filter(|model| model.surfaces.are_for(&corners, &sizes, alike_mm));
+        let (surfaces, pictures) = match known {
+            Some(model) => (model.surfaces.clone(), Arc::clone(&model.view.pictures)),
+            None => {
+                let width_mm = 2.0 * half_sides(&corners).max_element();
+                (Surfaces::new(&corners, &sizes), Arc::new(Pictures::new(width_mm)))
+            }
+        };
         let has_round_stop = camera.main_lens.aperture == Aperture::Circle;
         let half = optics.half_aperture_mm;
         let in_focus = tracer.beam(&optics, [0.0; 3]);
         Ok(Self {
             lines: LensletLines::new(&optics, pitch_mm),
-            surfaces: known.unwrap_or_else(|| Surfaces::new(&corners, &sizes)),
+            surfaces,
             sigma_mm,
             alpha_by_z: in_focus.alpha_by[2],
             bend_px: in_focus.most_bend_mm / optics.pixel_pitch_mm,
@@ -85,6 +98,7 @@ impl ParticleModel {
                 has_round_stop,
                 stop_mm2: if has_round_stop { PI * half * half } else { 4.0 * half * half },
                 optics,
+                pictures,
                 blur,
             },
             tracer,
@@ -103,7 +117,12 @@ impl ParticleModel {
 
     /// Bytes of the tables of cells. A table is made when an image of its size is first drawn.
     pub fn table_bytes(&self) -> usize {
-        self.surfaces.bytes()
+        self.surfaces.bytes() + self.view.pictures.bytes()
+    }
+
+    /// Whether the sensor is blurred.
+    pub fn is_blurred(&self) -> bool {
+        self.view.blur.is_some()
     }
 
     /// The far light around the images; None if nothing diffracts.
@@ -141,74 +160,76 @@ impl ParticleModel {
     /// Calls `found(patch, pixels)` for the lenslets that a particle at `place_mm` lights. `size` is its standard
     /// deviation over that of the model. The pixels of a patch come row by row; each holds the share of the particle's
     /// light and its derivatives: see [`QUANTITIES`]. A pixel may come in several patches: its share is the sum.
-    #[inline(always)]
     pub fn visit(
         &self,
         place_mm: [f64; 3],
         size: f64,
         scratch: &mut Scratch,
-        found: impl FnMut(Patch, &[[f64; QUANTITIES]]),
+        mut found: impl FnMut(Patch, &[[f64; QUANTITIES]]),
     ) {
-        self.visit_all::<QUANTITIES>(place_mm, size, scratch, found);
+        self.draw(QUANTITIES, place_mm, size, scratch, &mut |patch, scratch| found(patch, &scratch.pixels));
     }
 
     /// Like [`Self::visit`], but with the first [`PLACES`] quantities only, in less time. The derivative by z leaves
     /// out that the spot grows towards the camera, a ten-thousandth of it.
-    #[inline(always)]
     pub fn visit_places(
         &self,
         place_mm: [f64; 3],
         size: f64,
         scratch: &mut Scratch,
-        found: impl FnMut(Patch, &[[f64; QUANTITIES]]),
+        mut found: impl FnMut(Patch, &[[f32; PLACES]]),
     ) {
-        self.visit_all::<PLACES>(place_mm, size, scratch, found);
+        self.draw(PLACES, place_mm, size, scratch, &mut |patch, scratch| found(patch, &scratch.places));
     }
 
-    /// Like [`Self::visit`], but with the share of light only: the other quantities are 0.
-    #[inline(always)]
+    /// Like [`Self::visit_places`], but the derivatives are not wanted.
     pub fn visit_light(
         &self,
         place_mm: [f64; 3],
         size: f64,
         scratch: &mut Scratch,
-        found: impl FnMut(Patch, &[[f64; QUANTITIES]]),
+        mut found: impl FnMut(Patch, &[[f32; PLACES]]),
     ) {
-        self.visit_all::<LIGHT>(place_mm, size, scratch, found);
+        self.draw(LIGHT, place_mm, size, scratch, &mut |patch, scratch| found(patch, &scratch.places));
     }
 
-    #[inline(always)]
-    fn visit_all<const N: usize>(
-        &self,
-        place_mm: [f64; 3],
-        size: f64,
-        scratch: &mut Scratch,
-        found: impl FnMut(Patch, &[[f64; QUANTITIES]]),
-    ) {
-        let beam = self.tracer.beam(&self.view.optics, place_mm);
-        let sigma_mm = size * self.sigma_mm;
-        let spot_mm = (sigma_mm * beam.beta).max(LEAST_SPOT_PX * self.view.optics.pixel_pitch_mm);
-        match &self.surfaces {
-            Surfaces::Any(ladder) => self.visit_lenslets::<_, N>(&beam, ladder, [sigma_mm, spot_mm], scratch, found),
-            Surfaces::Rectangle(ladder) => {
-                self.visit_lenslets::<_, N>(&beam, ladder, [sigma_mm, spot_mm], scratch, found)
-            }
+    /// No generic function, so that it is compiled in this crate alone.
+    fn draw(&self, quantities: usize, place_mm: [f64; 3], size: f64, scratch: &mut Scratch, found: Found) {
+        match quantities {
+            LIGHT => self.draw_first::<LIGHT>(place_mm, size, scratch, found),
+            PLACES => self.draw_first::<PLACES>(place_mm, size, scratch, found),
+            _ => self.draw_first::<QUANTITIES>(place_mm, size, scratch, found),
         }
     }
 
+    fn draw_first<const N: usize>(&self, place_mm: [f64; 3], size: f64, scratch: &mut Scratch, found: Found) {
+        let beam = self.tracer.beam(&self.view.optics, place_mm);
+        let sigma_mm = size * self.sigma_mm;
+        let spot_mm = (sigma_mm * beam.beta).max(LEAST_SPOT_PX * self.view.optics.pixel_pitch_mm);
+        let sizes = [sigma_mm, spot_mm];
+        fastest(
+            #[inline(always)]
+            || match &self.surfaces {
+                Surfaces::Any(ladder) => self.draw_lenslets::<_, N>(&beam, ladder, sizes, scratch, found),
+                Surfaces::Rectangle(ladder) => self.draw_lenslets::<_, N>(&beam, ladder, sizes, scratch, found),
+            },
+        );
+    }
+
     #[inline(always)]
-    fn visit_lenslets<T: Listed, const N: usize>(
+    fn draw_lenslets<T: Listed, const N: usize>(
         &self,
         beam: &Beam,
         ladder: &Ladder<T>,
         [sigma_mm, spot_mm]: [f64; 2],
         scratch: &mut Scratch,
-        mut found: impl FnMut(Patch, &[[f64; QUANTITIES]]),
+        found: Found,
     ) {
         let tables = ladder.nearest(spot_mm);
         let margin = self.view.corner + REACH_SIGMA * spot_mm + beam.most_bend_mm;
         let image = LensletImage { view: &self.view, beam, tables, spot_mm, more_mm: spot_mm - tables.sigma_mm };
         scratch.shared.begin();
+        scratch.even.begin();
         let spread = beam.alpha.abs() * self.view.optics.half_aperture_mm;
         for line in self.lines.within(beam.chief, margin + spread) {
             if self.view.has_round_stop {
@@ -221,12 +242,21 @@ impl ParticleModel {
             let by_shift = self.lines.by_shift;
             let patch = match (T::by_axes::<N>(&image, line, by_shift, scratch), &self.view.blur) {
                 (Some(patch), _) => patch,
-                (None, Some(blur)) => image.blurred::<N>((blur, ladder), line, by_shift, scratch),
                 (None, None) => image.integrate::<N>(line, by_shift, scratch),
+                (None, Some(blur)) if N > PLACES => {
+                    image.blurred::<QUANTITIES>((blur, ladder), line, by_shift, scratch)
+                }
+                (None, Some(blur)) => match image.even::<N>((blur, ladder), line, scratch) {
+                    None => image.blurred::<PLACES>((blur, ladder), line, by_shift, scratch),
+                    Some(patch) => {
+                        patch.into_iter().for_each(|patch| found(patch, scratch));
+                        continue;
+                    }
+                },
             };
             if let Some(patch) = patch {
-                to_place::<N>(beam, sigma_mm, scratch.pixels_mut());
-                found(patch, scratch.pixels());
+                to_place::<N>(beam, sigma_mm, scratch);
+                found(patch, scratch);
             }
         }
     }
@@ -247,15 +277,14 @@ fn cell(optics: &Optics, pitch_mm: f64, is_blurred: bool) -> Vec<DVec2> {
 
 /// From derivatives by the beam (m, alpha, spot) to derivatives by the place and the size of the particle.
 #[inline(always)]
-fn to_place<const N: usize>(beam: &Beam, sigma_mm: f64, pixels: &mut [[f64; QUANTITIES]]) {
-    if N <= LIGHT {
-        return;
-    }
+fn to_place<const N: usize>(beam: &Beam, sigma_mm: f64, scratch: &mut Scratch) {
+    let Scratch { pixels, places, .. } = scratch;
+    places.clear();
     for pixel in pixels {
         let [light, mx, my, alpha, spot, shift_x, shift_y, blur] = *pixel;
         let by = |axis: usize| beam.chief_by[axis].x * mx + beam.chief_by[axis].y * my + beam.alpha_by[axis] * alpha;
         if N <= PLACES {
-            [pixel[1], pixel[2], pixel[3]] = [by(0), by(1), by(2)];
+            places.push([light, by(0), by(1), by(2)].map(|number| number as f32));
             continue;
         }
         let z = by(2) + sigma_mm * beam.beta_by_z * spot;

@@ -169,7 +169,7 @@ impl Table for Spline {
 }
 
 /// From values to the coefficients of the B-spline through them, along both axes.
-fn to_coefficients(table: &mut [f64], [columns, rows]: [usize; 2]) {
+pub(super) fn to_coefficients(table: &mut [f64], [columns, rows]: [usize; 2]) {
     table.chunks_mut(columns).for_each(|row| solve(row, 1, columns));
     (0..columns).for_each(|column| solve(&mut table[column..], columns, rows));
 }

@@ -1,8 +1,10 @@
 //! A camera as the images of particles see it.
 
+use super::pictures::Pictures;
 use super::sensor_blur::SensorBlur;
 use crate::Optics;
 use glam::DVec2;
+use std::sync::Arc;
 
 /// Rays, lenslets and stop.
 #[derive(Debug, Clone)]
@@ -16,6 +18,8 @@ pub(super) struct View {
     pub(super) has_round_stop: bool,
     /// Area of the stop, mm^2.
     pub(super) stop_mm2: f64,
+    /// Pictures of the cell, for a blurred sensor.
+    pub(super) pictures: Arc<Pictures>,
     /// Blur of the sensor; None for a sharp one.
     pub(super) blur: Option<SensorBlur>,
 }

@@ -146,11 +146,16 @@ impl ImageSize {
             let place =
                 |axis: usize, part: f64| grid.origin_mm[axis] + part * grid.spacing_mm[axis] * grid.shape[axis] as f64;
             let z = (n as f64 + 0.5) / DEPTHS as f64;
-            model.visit_places([place(0, 0.5), place(1, 0.5), place(2, z)], 1.0, &mut buffers.scratch, |_, seen| {
-                if !ParticleImage::is_out(seen) {
-                    (lenslets, pixels) = (lenslets + 1, pixels + seen.len());
-                }
-            });
+            model.visit_places(
+                [place(0, 0.5), place(1, 0.5), place(2, z)],
+                1.0,
+                &mut buffers.scratch,
+                |patch, seen| {
+                    if let Some([columns, rows]) = ParticleImage::lit(model, &patch, seen) {
+                        (lenslets, pixels) = (lenslets + 1, pixels + columns.len() * rows.len());
+                    }
+                },
+            );
         }
         Self { bytes: ParticleImage::bytes(lenslets / DEPTHS, pixels / DEPTHS), pixels: pixels / DEPTHS }
     }

@@ -4,8 +4,8 @@ use super::window::{Part, Window};
 use crate::cameras::shape::ANALYTIC;
 use crate::cameras::view::Cameras;
 use crate::particle::Particle;
-use lf_core::particle_image::{PLACES, Patch, QUANTITIES, Scratch};
-use lf_core::simd::fastest;
+use lf_core::particle_image::{PLACES, ParticleModel, Patch, QUANTITIES, Scratch};
+use std::ops::Range;
 
 /// Numbers of a pixel: the derivatives of its counts by x, y and z in pixels of the focal plane and by the logarithm of
 /// the light. The last one is the counts.
@@ -52,10 +52,14 @@ pub(crate) enum Quantities<'a> {
 const BLOCKS: usize = 128;
 const PIXELS: usize = 1024;
 /// Lenslets are left out if all their pixels have less than this share of a particle's light.
-const LEAST_SHARE: f64 = 1e-7;
+const LEAST_SHARE: f32 = 1e-7;
+/// On a blurred sensor, columns and rows at the rim of a lenslet's pixels are left out if all have less than this share
+/// of its brightest one. They are half of the pixels, and hold a thousandth of the light.
+const LEAST_OF_BRIGHTEST: f32 = 3e-3;
 
 /// A part of the window, and how numbers of a camera's model become those of an image.
 struct Target<'a> {
+    model: &'a ParticleModel,
     part: &'a Part,
     /// Length of the window's rows.
     row: usize,
@@ -94,19 +98,28 @@ impl ParticleImage {
             let Particle { place_mm, light, log_size } = view.seen(particle);
             let size = log_size.exp();
             let rotation = view.rotation();
-            let target = Target { part, row: window.columns, light, length: light * cameras.pixel_mm(), rotation };
-            let mut take = |patch: Patch, pixels: &[[f64; QUANTITIES]]| image.take(&target, patch, pixels);
-            fastest(
-                #[inline(always)]
-                || match &mut quantities {
-                    Quantities::Light => view.model.visit_light(place_mm, size, scratch, take),
-                    Quantities::Places => view.model.visit_places(place_mm, size, scratch, take),
-                    Quantities::All(each) => view.model.visit(place_mm, size, scratch, |patch, pixels| {
-                        take(patch, pixels);
+            let target = Target {
+                model: &view.model,
+                part,
+                row: window.columns,
+                light,
+                length: light * cameras.pixel_mm(),
+                rotation,
+            };
+            let mut take = |patch: Patch, pixels: &[[f32; PLACES]]| image.take(&target, patch, pixels);
+            match &mut quantities {
+                Quantities::Light => view.model.visit_light(place_mm, size, scratch, take),
+                Quantities::Places => view.model.visit_places(place_mm, size, scratch, take),
+                Quantities::All(each) => {
+                    let mut places = Vec::new();
+                    view.model.visit(place_mm, size, scratch, |patch, pixels| {
+                        places.clear();
+                        places.extend(pixels.iter().map(|[light, x, y, z, ..]| [light, x, y, z].map(|v| *v as f32)));
+                        take(patch, &places);
                         each(patch, pixels);
-                    }),
-                },
-            );
+                    });
+                }
+            }
         }
         // Many images are held at once.
         image.blocks.shrink_to_fit();
@@ -141,10 +154,27 @@ impl ParticleImage {
         (image, slopes)
     }
 
-    /// Whether the pixels of a lenslet have so little light that they are left out.
+    /// The columns and rows of a patch that hold its light. None if that is too little.
     #[inline(always)]
-    pub(crate) fn is_out(pixels: &[[f64; QUANTITIES]]) -> bool {
-        pixels.iter().all(|pixel| pixel[0] < LEAST_SHARE)
+    pub(crate) fn lit(model: &ParticleModel, patch: &Patch, pixels: &[[f32; PLACES]]) -> Option<[Range<usize>; 2]> {
+        let most = pixels.iter().fold(0f32, |most, pixel| most.max(pixel[0]));
+        if most < LEAST_SHARE {
+            return None;
+        }
+        if !model.is_blurred() {
+            return Some([0..patch.columns as usize, 0..patch.rows as usize]);
+        }
+        // First and last column, and row.
+        let [mut low, mut high] = [[usize::MAX; 2], [0; 2]];
+        for (row, line) in pixels.chunks(patch.columns as usize).enumerate() {
+            for (column, pixel) in line.iter().enumerate() {
+                if pixel[0] > LEAST_OF_BRIGHTEST * most {
+                    low = [low[0].min(column), low[1].min(row)];
+                    high = [high[0].max(column), row];
+                }
+            }
+        }
+        Some([0, 1].map(|axis| low[axis]..high[axis] + 1))
     }
 
     /// Bytes of an image with this number of lenslets and pixels.
@@ -178,32 +208,33 @@ impl ParticleImage {
 
     /// Takes the part of a patch that lies within the window.
     #[inline(always)]
-    fn take(&mut self, target: &Target, patch: Patch, pixels: &[[f64; QUANTITIES]]) {
-        let Target { part, row: row_length, light, length, rotation } = *target;
-        let within = |first: u32, count: u32, low: usize, size: usize| {
-            let from = (first as usize).clamp(low, low + size);
-            (from, ((first + count) as usize).clamp(from, low + size))
+    fn take(&mut self, target: &Target, patch: Patch, pixels: &[[f32; PLACES]]) {
+        let Target { model, part, row: row_length, light, length, rotation } = *target;
+        let Some([columns, rows]) = Self::lit(model, &patch, pixels) else { return };
+        let within = |first: u32, lit: Range<usize>, low: usize, size: usize| {
+            let from = (first as usize + lit.start).clamp(low, low + size);
+            (from, (first as usize + lit.end).clamp(from, low + size))
         };
-        let (left, right) = within(patch.column, patch.columns, part.left, part.columns);
-        let (top, bottom) = within(patch.row, patch.rows, part.top, part.rows);
-        if left >= right || top >= bottom || Self::is_out(pixels) {
+        let (left, right) = within(patch.column, columns, part.left, part.columns);
+        let (top, bottom) = within(patch.row, rows, part.top, part.rows);
+        if left >= right || top >= bottom {
             return;
         }
         let start = part.start + (top - part.top) * row_length + left - part.left;
         let (columns, rows) = ((right - left) as u16, (bottom - top) as u16);
         self.blocks.push(Block { start: start as u32, columns, rows });
-        let numbers = |[x, y, z]: [f64; 3], pixel: &[f64; QUANTITIES]| {
-            [length * x, length * y, length * z, light * pixel[0]].map(|value| value as f32)
-        };
+        let (light, length) = (light as f32, length as f32);
+        let turned = rotation.map(|rows| rows.map(|row| row.map(|number| number as f32)));
         for row in top..bottom {
             let first = (row - patch.row as usize) * patch.columns as usize + left - patch.column as usize;
             // The chain rule. An identity costs nothing.
             for pixel in &pixels[first..first + right - left] {
-                let by = match rotation {
-                    None => [pixel[1], pixel[2], pixel[3]],
-                    Some([a, b, c]) => [0, 1, 2].map(|k| a[k] * pixel[1] + b[k] * pixel[2] + c[k] * pixel[3]),
+                let [share, x, y, z] = *pixel;
+                let by = match &turned {
+                    None => [x, y, z],
+                    Some([a, b, c]) => [0, 1, 2].map(|k| a[k] * x + b[k] * y + c[k] * z),
                 };
-                self.pixels.push(numbers(by, pixel));
+                self.pixels.push([length * by[0], length * by[1], length * by[2], light * share]);
             }
         }
     }

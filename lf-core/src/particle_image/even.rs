@@ -1,0 +1,247 @@
+//! A lenslet's image of a particle on a blurred sensor where rays are straight: light and derivatives by place, from a
+//! picture of the cell (`pictures.rs`).
+//!
+//! It is the light of `blurred.rs` in pixels of the sensor and in f32: the mean M of the cell over a pixel, times the
+//! share of a bump that the stop lets through. Along an axis the picture's middle is at `zero + g chief` and its scale
+//! is |g|, with `g = slope / alpha`. A picture that grows by the share e changes by
+//!
+//! ```text
+//! -e (q grad M + v laplacian M)
+//! ```
+//!
+//! where q is the way from its middle and v the variance of the pixel and the sensor's blur, which do not grow.
+
+use super::axis::Axis;
+use super::cell_surface::Ladder;
+use super::lenslet_image::{LIGHT, LensletImage, Listed, PLACES, Patch, Scratch};
+use super::lenslet_lines::LensletLine;
+use super::picture_means::{LANES, NUMBERS, PictureMeans};
+use super::sensor_blur::{PIXEL_VARIANCE, SensorBlur};
+use glam::DVec2;
+
+/// A pixel with a smaller mean of the cell is dark.
+const DARK: f32 = 1e-5;
+/// The middle of a bump stays within this many standard deviations of the kernel, and its variance above this share.
+const MOST_SHIFT: f32 = 3.0;
+const LEAST_VARIANCE: f32 = 0.05;
+/// Largest difference of a lenslet's scales along x and y, px at the edge of its picture.
+const OFF_PX: f64 = 0.01;
+/// Largest relative difference from the scale of the picture. Lenslets before a tilted sensor need several pictures.
+const OFF: f64 = 5e-4;
+
+/// Numbers that all pixels of a lenslet share: derivatives are by m along x, m along y and alpha.
+struct Factors {
+    /// From the mean to light.
+    scale: f32,
+    /// Growth of the light with alpha by that of a pixel in the stop.
+    growth: f32,
+    /// Motion of the picture's middle along both axes, px.
+    moves: [[f32; 2]; 3],
+    /// Relative growth of the picture with alpha.
+    grows: f32,
+    /// Motion of the stop's middle by m, px, along both axes; growth of its half side with alpha.
+    stop_moves: [f32; 2],
+    stop_grows: f32,
+    /// The stop's middle from the picture's, px, its half side, and the variance of the kernel, px^2.
+    stop: [f32; 2],
+    half: f32,
+    variance: f32,
+    /// From derivatives by m and alpha to those by x, y and z.
+    to_place: [[f32; 3]; 3],
+}
+
+impl<T: Listed> LensletImage<'_, T> {
+    /// Fills the scratch's places with light, and with its derivatives by place if N asks for them. The outer option is
+    /// None if there is no picture of the lenslet.
+    #[inline(always)]
+    pub(super) fn even<const N: usize>(
+        &self,
+        (blur, ladder): (&SensorBlur, &Ladder<T>),
+        line: &LensletLine,
+        scratch: &mut Scratch,
+    ) -> Option<Option<Patch>> {
+        let alpha = self.beam.alpha;
+        if self.beam.is_bent() || alpha == 0.0 {
+            return None;
+        }
+        let (axes, _) = self.axes(line);
+        let growths = [0, 1].map(|n| axes[n].slope / alpha);
+        let scale = 0.5 * (growths[0] + growths[1]).abs();
+        let blur_px = blur.sigma_px.hypot(self.spot_mm * scale);
+        if self.view.cell_radius * (growths[0].abs() - scale).abs() > OFF_PX || !self.view.pictures.has(scale, blur_px)
+        {
+            return None;
+        }
+        let (Some(across), Some(down)) = (self.lit(0, &axes[0], alpha), self.lit(1, &axes[1], alpha)) else {
+            return Some(None);
+        };
+        let Scratch { even, places, .. } = scratch;
+        if (even.scale / scale - 1.0).abs() > OFF {
+            self.view.pictures.fill(ladder, scale, blur_px, &mut even.picture);
+            even.scale = scale;
+        }
+
+        // Find the pixels within the picture, and where they lie between its nodes.
+        let middle = [0, 1].map(|n| axes[n].zero + growths[n] * axes[n].chief);
+        let within = |axis: usize, (first, end): (i64, i64)| {
+            let half = even.picture.half[axis] as f64;
+            let (first, end) =
+                (first.max((middle[axis] - half).ceil() as i64), end.min((middle[axis] + half).ceil() as i64 - 1));
+            (first < end).then_some((first, end))
+        };
+        let (Some((left, right)), Some((top, bottom))) = (within(0, across), within(1, down)) else {
+            return Some(None);
+        };
+        let (columns, rows) = ((right - left) as usize, (bottom - top) as usize);
+        let is_whole = self.is_inside_stop(&axes, DVec2::splat(alpha));
+        let first = [left as f64 + 0.5 - middle[0], top as f64 + 0.5 - middle[1]];
+        if N <= LIGHT && is_whole {
+            even.read::<1>(first, [columns, rows]);
+        } else {
+            even.read::<NUMBERS>(first, [columns, rows]);
+        }
+
+        let factors = self.factors(blur, &axes, middle);
+        places.clear();
+        places.resize(columns * rows, [0.0; PLACES]);
+        let is_round = self.view.has_round_stop;
+        match (is_whole, is_round) {
+            (true, _) if N <= LIGHT => {
+                let lit = places.iter_mut().zip(&even.means[0]).filter(|(_, mean)| **mean > DARK);
+                lit.for_each(|(out, mean)| out[0] = factors.scale * mean);
+            }
+            (true, _) => factors.light(even, places, |_, _, _| (1.0, [0.0; 2], 0.0)),
+            (_, true) => factors.light(even, places, |u, v, mixed| factors.in_round(u, v, mixed)),
+            (_, false) => factors.light(even, places, |u, v, _| factors.in_square(u, v)),
+        }
+        let [column, row] = [left, top].map(|first| first as u32);
+        Some(Some(Patch { column, row, columns: columns as u32, rows: rows as u32 }))
+    }
+
+    #[inline(always)]
+    fn factors(&self, blur: &SensorBlur, axes: &[Axis; 2], middle: [f64; 2]) -> Factors {
+        let alpha = self.beam.alpha;
+        let [x, y] = axes;
+        let half = self.view.optics.half_aperture_mm;
+        let by_m = axes.map(|axis| (axis.kappa / alpha) as f32);
+        let by_alpha = axes.map(|axis| (-axis.kappa * axis.chief / (alpha * alpha)) as f32);
+        let (chief_by, alpha_by) = (&self.beam.chief_by, &self.beam.alpha_by);
+        Factors {
+            scale: (blur.share * (x.per_slope * y.per_slope).abs() / self.view.stop_mm2) as f32,
+            growth: (x.gamma * x.per_slope + y.gamma * y.per_slope) as f32,
+            moves: [[by_m[0], 0.0], [0.0, by_m[1]], by_alpha],
+            grows: (-x.kappa * x.per_slope / alpha) as f32,
+            stop_moves: [x.gamma as f32, y.gamma as f32],
+            stop_grows: (-half * x.gamma * x.slope.signum()) as f32,
+            stop: [0, 1].map(|n| (axes[n].zero - middle[n]) as f32),
+            half: (half * x.slope.abs()) as f32,
+            variance: (PIXEL_VARIANCE + blur.sigma_px * blur.sigma_px) as f32,
+            to_place: [0, 1, 2].map(|n| [chief_by[n].x as f32, chief_by[n].y as f32, alpha_by[n] as f32]),
+        }
+    }
+}
+
+impl Factors {
+    /// The light of pixels and its derivatives by place. `inside(middle, variance, mixed)` is the share of a bump that
+    /// lies inside the stop, and its derivatives by the middle and by the stop's half side.
+    #[inline(always)]
+    fn light(
+        &self,
+        PictureMeans { means, places, .. }: &PictureMeans,
+        out: &mut [[f32; PLACES]],
+        inside: impl Fn([f32; 2], [f32; 2], f32) -> (f32, [f32; 2], f32),
+    ) {
+        let v = self.variance;
+        let (most, least) = (MOST_SHIFT * v.sqrt(), LEAST_VARIANCE * v);
+        for (first, out) in (0..).step_by(LANES).zip(out.chunks_mut(LANES)) {
+            let eight = |numbers: &Vec<f32>| -> [f32; LANES] {
+                numbers[first..first + LANES].try_into().expect("eight pixels")
+            };
+            let [mean, mean_x, mean_y, mean_xx, mean_xy, mean_yy] = means.each_ref().map(eight);
+            let [at_x, at_y] = places.each_ref().map(eight);
+            let mut numbers = [[0f32; LANES]; PLACES];
+            for n in 0..LANES {
+                let (q, slope) = ([at_x[n], at_y[n]], [mean_x[n], mean_y[n]]);
+                let (xx, xy, yy) = (mean_xx[n], mean_xy[n], mean_yy[n]);
+                // The slope and the curvature of the logarithm of the mean give the bump.
+                let per_mean = 1.0 / mean[n].max(DARK);
+                let (log_x, log_y) = (slope[0] * per_mean, slope[1] * per_mean);
+                let (log_xx, log_yy) = (xx * per_mean - log_x * log_x, yy * per_mean - log_y * log_y);
+                let log_xy = xy * per_mean - log_x * log_y;
+                let u = [
+                    q[0] - self.stop[0] + (v * log_x).max(-most).min(most),
+                    q[1] - self.stop[1] + (v * log_y).max(-most).min(most),
+                ];
+                let variance = [(v + v * v * log_xx).max(least), (v + v * v * log_yy).max(least)];
+                let (share, by_u, by_half) = inside(u, variance, v * v * log_xy);
+                let (of_mean, of_share) = (self.scale * share, self.scale * mean[n]);
+                let light = of_mean * mean[n];
+                // By m along x, m along y and alpha: the picture moves, and the bump with it.
+                let by = |[x, y]: [f32; 2]| {
+                    let bump = [-v * (log_xx * x + log_xy * y), -v * (log_xy * x + log_yy * y)];
+                    -of_mean * (slope[0] * x + slope[1] * y) + of_share * (by_u[0] * bump[0] + by_u[1] * bump[1])
+                };
+                let by_x = by(self.moves[0]) - of_share * by_u[0] * self.stop_moves[0];
+                let by_y = by(self.moves[1]) - of_share * by_u[1] * self.stop_moves[1];
+                let growth = q[0] * slope[0] + q[1] * slope[1] + v * (xx + yy);
+                let bump = [log_x + q[0] * log_xx + q[1] * log_xy, log_y + q[0] * log_xy + q[1] * log_yy];
+                let by_alpha = by(self.moves[2])
+                    - self.grows * (of_mean * growth + v * of_share * (by_u[0] * bump[0] + by_u[1] * bump[1]))
+                    + of_share * by_half * self.stop_grows
+                    + light * self.growth;
+                let lit = if mean[n] > DARK { 1.0 } else { 0.0 };
+                let place = |[x, y, alpha]: [f32; 3]| lit * (x * by_x + y * by_y + alpha * by_alpha);
+                numbers[0][n] = lit * light;
+                numbers[1][n] = place(self.to_place[0]);
+                numbers[2][n] = place(self.to_place[1]);
+                numbers[3][n] = place(self.to_place[2]);
+            }
+            for (n, out) in out.iter_mut().enumerate() {
+                *out = [numbers[0][n], numbers[1][n], numbers[2][n], numbers[3][n]];
+            }
+        }
+    }
+
+    /// A round stop. Its rim is a parabola near the bump: it leaves out what the bump's width along the rim bends away.
+    #[inline(always)]
+    fn in_round(&self, u: [f32; 2], variance: [f32; 2], mixed: f32) -> (f32, [f32; 2], f32) {
+        let radius = (u[0] * u[0] + u[1] * u[1]).sqrt().max(f32::MIN_POSITIVE);
+        let out = [u[0] / radius, u[1] / radius];
+        let square = [out[0] * out[0], out[1] * out[1]];
+        let cross = 2.0 * out[0] * out[1] * mixed;
+        let across = (square[0] * variance[0] + square[1] * variance[1] + cross).max(LEAST_VARIANCE * self.variance);
+        let along = (square[1] * variance[0] + square[0] * variance[1] - cross).max(0.0);
+        let per_sigma = 1.0 / across.sqrt();
+        let (share, density) = distribution((self.half - radius - 0.5 * along / self.half) * per_sigma);
+        let by = density * per_sigma;
+        (share, [-by * out[0], -by * out[1]], by)
+    }
+
+    #[inline(always)]
+    fn in_square(&self, u: [f32; 2], variance: [f32; 2]) -> (f32, [f32; 2], f32) {
+        let side = |u: f32, variance: f32| {
+            let per_sigma = 1.0 / variance.sqrt();
+            let (share, density) = distribution((self.half - u.abs()) * per_sigma);
+            (share, density * per_sigma, u.signum())
+        };
+        let ((x, by_x, x_sign), (y, by_y, y_sign)) = (side(u[0], variance[0]), side(u[1], variance[1]));
+        (x * y, [-by_x * y * x_sign, -by_y * x * y_sign], by_x * y + by_y * x)
+    }
+}
+
+/// The normal distribution and its density, to 3e-7 and 1e-5: Abramowitz and Stegun 7.1.28 and its derivative. It has
+/// no branch, so that the compiler does it for eight pixels at once.
+#[inline(always)]
+fn distribution(z: f32) -> (f32, f32) {
+    const A: [f32; 6] = [0.070_523_08, 0.042_282_01, 0.009_270_527, 0.000_152_014_3, 0.000_276_567_2, 0.000_043_063_8];
+    let x = (z.abs() * std::f32::consts::FRAC_1_SQRT_2).min(6.0);
+    let level = 1.0 + x * (A[0] + x * (A[1] + x * (A[2] + x * (A[3] + x * (A[4] + x * A[5])))));
+    let slope = A[0] + x * (2.0 * A[1] + x * (3.0 * A[2] + x * (4.0 * A[3] + x * (5.0 * A[4] + x * (6.0 * A[5])))));
+    let inverse = 1.0 / level;
+    let second = inverse * inverse;
+    let fourth = second * second;
+    let eighth = fourth * fourth;
+    let beyond = 0.5 * eighth * eighth;
+    let share = if z > 0.0 { 1.0 - beyond } else { beyond };
+    (share, 16.0 * beyond * inverse * slope * std::f32::consts::FRAC_1_SQRT_2)
+}
