@@ -32,13 +32,13 @@ use glam::{DVec2, DVec4};
 /// A pixel with a smaller mean of the cell is dark.
 const DARK: f64 = 1e-6;
 /// The middle of the bump stays within this many standard deviations of the kernel.
-const MOST_SHIFT: f64 = 3.0;
+pub(super) const MOST_SHIFT: f64 = 3.0;
 /// A pixel on the array is no narrower than this share of the spot, so that differences keep their digits.
 const LEAST_WIDTH: f64 = 0.05;
 /// Largest correction of a blur's variance, over the variance.
 const MOST_STRETCH: f64 = 0.6;
 /// The variance of the bump is no less than this share of the kernel's.
-const LEAST_VARIANCE: f64 = 0.05;
+pub(super) const LEAST_VARIANCE: f64 = 0.05;
 
 /// The shares of four bumps inside the stop, and their derivatives by the bumps' middles and variances.
 struct Inside {

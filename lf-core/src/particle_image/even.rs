@@ -12,18 +12,17 @@
 //! where q is the way from its middle and v the variance of the pixel and the sensor's blur, which do not grow.
 
 use super::axis::Axis;
+use super::blurred;
 use super::cell_surface::Ladder;
 use super::lenslet_image::{LIGHT, LensletImage, Listed, PLACES, Patch, Scratch};
 use super::lenslet_lines::LensletLine;
-use super::picture_means::{LANES, NUMBERS, PictureMeans};
+use super::picture_means::{NUMBERS, PictureMeans};
+use super::pictures::LANES;
 use super::sensor_blur::{PIXEL_VARIANCE, SensorBlur};
 use glam::DVec2;
 
 /// A pixel with a smaller mean of the cell is dark.
 const DARK: f32 = 1e-5;
-/// The middle of a bump stays within this many standard deviations of the kernel, and its variance above this share.
-const MOST_SHIFT: f32 = 3.0;
-const LEAST_VARIANCE: f32 = 0.05;
 /// Largest difference of a lenslet's scales along x and y, px at the edge of its picture.
 const OFF_PX: f64 = 0.01;
 /// Largest relative difference from the scale of the picture. Lenslets before a tilted sensor need several pictures.
@@ -60,7 +59,7 @@ impl<T: Listed> LensletImage<'_, T> {
         line: &LensletLine,
         scratch: &mut Scratch,
     ) -> Option<Option<Patch>> {
-        let alpha = self.beam.alpha;
+        let (alpha, pictures) = (self.beam.alpha, self.view.pictures.as_ref()?);
         if self.beam.is_bent() || alpha == 0.0 {
             return None;
         }
@@ -68,8 +67,7 @@ impl<T: Listed> LensletImage<'_, T> {
         let growths = [0, 1].map(|n| axes[n].slope / alpha);
         let scale = 0.5 * (growths[0] + growths[1]).abs();
         let blur_px = blur.sigma_px.hypot(self.spot_mm * scale);
-        if self.view.cell_radius * (growths[0].abs() - scale).abs() > OFF_PX || !self.view.pictures.has(scale, blur_px)
-        {
+        if self.view.cell_radius * (growths[0].abs() - scale).abs() > OFF_PX || !pictures.has(scale, blur_px) {
             return None;
         }
         let (Some(across), Some(down)) = (self.lit(0, &axes[0], alpha), self.lit(1, &axes[1], alpha)) else {
@@ -77,7 +75,7 @@ impl<T: Listed> LensletImage<'_, T> {
         };
         let Scratch { even, places, .. } = scratch;
         if (even.scale / scale - 1.0).abs() > OFF {
-            self.view.pictures.fill(ladder, scale, blur_px, &mut even.picture);
+            pictures.fill(ladder, scale, blur_px, &mut even.picture);
             even.scale = scale;
         }
 
@@ -152,7 +150,7 @@ impl Factors {
         inside: impl Fn([f32; 2], [f32; 2], f32) -> (f32, [f32; 2], f32),
     ) {
         let v = self.variance;
-        let (most, least) = (MOST_SHIFT * v.sqrt(), LEAST_VARIANCE * v);
+        let (most, least) = (blurred::MOST_SHIFT as f32 * v.sqrt(), self.least_variance());
         for (first, out) in (0..).step_by(LANES).zip(out.chunks_mut(LANES)) {
             let eight = |numbers: &Vec<f32>| -> [f32; LANES] {
                 numbers[first..first + LANES].try_into().expect("eight pixels")
@@ -202,6 +200,12 @@ impl Factors {
         }
     }
 
+    /// The variance of a bump is no less.
+    #[inline(always)]
+    fn least_variance(&self) -> f32 {
+        blurred::LEAST_VARIANCE as f32 * self.variance
+    }
+
     /// A round stop. Its rim is a parabola near the bump: it leaves out what the bump's width along the rim bends away.
     #[inline(always)]
     fn in_round(&self, u: [f32; 2], variance: [f32; 2], mixed: f32) -> (f32, [f32; 2], f32) {
@@ -209,7 +213,7 @@ impl Factors {
         let out = [u[0] / radius, u[1] / radius];
         let square = [out[0] * out[0], out[1] * out[1]];
         let cross = 2.0 * out[0] * out[1] * mixed;
-        let across = (square[0] * variance[0] + square[1] * variance[1] + cross).max(LEAST_VARIANCE * self.variance);
+        let across = (square[0] * variance[0] + square[1] * variance[1] + cross).max(self.least_variance());
         let along = (square[1] * variance[0] + square[0] * variance[1] - cross).max(0.0);
         let per_sigma = 1.0 / across.sqrt();
         let (share, density) = distribution((self.half - radius - 0.5 * along / self.half) * per_sigma);

@@ -76,10 +76,11 @@ impl ParticleModel {
         let alike_mm = ALIKE_PX * optics.pixel_pitch_mm;
         let known = known.filter(|model| model.surfaces.are_for(&corners, &sizes, alike_mm));
         let (surfaces, pictures) = match known {
-            Some(model) => (model.surfaces.clone(), Arc::clone(&model.view.pictures)),
+            Some(model) => (model.surfaces.clone(), model.view.pictures.clone()),
             None => {
                 let width_mm = 2.0 * half_sides(&corners).max_element();
-                (Surfaces::new(&corners, &sizes), Arc::new(Pictures::new(width_mm)))
+                let pictures = blur.is_some().then(|| Arc::new(Pictures::new(width_mm)));
+                (Surfaces::new(&corners, &sizes), pictures)
             }
         };
         let has_round_stop = camera.main_lens.aperture == Aperture::Circle;
@@ -117,7 +118,7 @@ impl ParticleModel {
 
     /// Bytes of the tables of cells. A table is made when an image of its size is first drawn.
     pub fn table_bytes(&self) -> usize {
-        self.surfaces.bytes() + self.view.pictures.bytes()
+        self.surfaces.bytes() + self.view.pictures.as_ref().map_or(0, |pictures| pictures.bytes())
     }
 
     /// Whether the sensor is blurred.

@@ -1,10 +1,8 @@
 //! Means of a cell over the pixels of a lenslet, with their slopes and curvatures, from a particle's picture.
 
-use super::pictures::{PHASES, Picture};
+use super::pictures::{LANES, PHASES, Picture};
 use super::spline::Stencil;
 
-/// Pixels of a row that are read together.
-pub(super) const LANES: usize = 8;
 /// Numbers of a mean: level, slopes along x and y, and curvatures xx, xy and yy.
 pub(super) const NUMBERS: usize = 6;
 
@@ -45,7 +43,6 @@ impl PictureMeans {
         };
         let starts: [[usize; 4]; 4] = std::array::from_fn(|j| std::array::from_fn(|i| start(j, i)));
         let room = columns * rows + LANES;
-        values.resize(values.len() + LANES, 0.0);
         means[..K].iter_mut().for_each(|numbers| numbers.resize(room, 0.0));
         places.iter_mut().for_each(|places| places.resize(room, 0.0));
         for row in 0..rows {
@@ -81,6 +78,5 @@ impl PictureMeans {
                 }
             }
         }
-        values.truncate(values.len() - LANES);
     }
 }

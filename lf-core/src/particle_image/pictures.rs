@@ -9,6 +9,8 @@ use super::spline::to_coefficients;
 use super::table::Table;
 use std::sync::OnceLock;
 
+/// Pixels of a row that are read together.
+pub(super) const LANES: usize = 8;
 /// Nodes a pixel along each axis. Half of it is a whole number: the edges of pixels lie on nodes too.
 pub(super) const PHASES: usize = 4;
 /// Ratio of the scales of neighbouring pictures, and of their blurs. Between them a picture is linear in both
@@ -25,7 +27,8 @@ const BLURS_PX: [f64; 2] = [0.15, 6.0];
 pub(super) struct Picture {
     /// Pixels from the middle to either edge, along x and y.
     pub(super) half: [usize; 2],
-    /// Coefficients: for each phase along y and along x, row by row, a column a pixel.
+    /// Coefficients: for each phase along y and along x, row by row, a column a pixel. A particle's picture has room
+    /// for the lanes beyond its last pixel.
     pub(super) values: Vec<f32>,
 }
 
@@ -79,7 +82,7 @@ impl Pictures {
         out.half = near[3].0.half;
         let [columns, rows] = out.half.map(|half| 2 * half);
         out.values.clear();
-        out.values.resize(PHASES * PHASES * columns * rows, 0.0);
+        out.values.resize(PHASES * PHASES * columns * rows + LANES, 0.0);
         for (picture, share) in near {
             let share = share as f32;
             let [left, top] = [0, 1].map(|axis| out.half[axis] - picture.half[axis]);

@@ -19,16 +19,19 @@ fn image(model: &ParticleModel, place: [f64; 3]) -> Pixels {
 
 fn image_of(model: &ParticleModel, place: [f64; 3], size: f64) -> Pixels {
     let mut map = Pixels::new();
-    model.visit(place, size, &mut Scratch::default(), |patch, pixels| {
-        assert_eq!(pixels.len(), (patch.columns * patch.rows) as usize);
-        for (n, pixel) in pixels.iter().enumerate() {
-            let n = n as u32;
-            let at = (patch.column + n % patch.columns, patch.row + n / patch.columns);
-            let sum = map.entry(at).or_insert([0.0; QUANTITIES]);
-            sum.iter_mut().zip(pixel).for_each(|(sum, value)| *sum += value);
-        }
-    });
+    model.visit(place, size, &mut Scratch::default(), |patch, pixels| add(&mut map, patch, pixels));
     map
+}
+
+/// Adds the numbers of a patch's pixels.
+fn add<const N: usize>(map: &mut Pixels, patch: Patch, pixels: &[[impl Copy + Into<f64>; N]]) {
+    assert_eq!(pixels.len(), (patch.columns * patch.rows) as usize);
+    for (n, pixel) in pixels.iter().enumerate() {
+        let n = n as u32;
+        let at = (patch.column + n % patch.columns, patch.row + n / patch.columns);
+        let sum = map.entry(at).or_insert([0.0; QUANTITIES]);
+        sum.iter_mut().zip(pixel).for_each(|(sum, value)| *sum += (*value).into());
+    }
 }
 
 /// Calls `each` with the places on the sensor, mm, that rays of a particle meet. Returns the number of rays that pass
@@ -377,14 +380,7 @@ fn derivatives_are_those_of_the_light() {
 /// Light and derivatives by place in single precision, from [`ParticleModel::visit_light`] or `visit_places`.
 fn places(model: &ParticleModel, place: [f64; 3], size: f64, is_light: bool) -> Pixels {
     let mut map = Pixels::new();
-    let mut take = |patch: Patch, pixels: &[[f32; PLACES_OF_A_PIXEL]]| {
-        for (n, pixel) in pixels.iter().enumerate() {
-            let n = n as u32;
-            let at = (patch.column + n % patch.columns, patch.row + n / patch.columns);
-            let sum = map.entry(at).or_insert([0.0; QUANTITIES]);
-            sum.iter_mut().zip(pixel).for_each(|(sum, value)| *sum += f64::from(*value));
-        }
-    };
+    let mut take = |patch: Patch, pixels: &[[f32; PLACES_OF_A_PIXEL]]| add(&mut map, patch, pixels);
     match is_light {
         true => model.visit_light(place, size, &mut Scratch::default(), &mut take),
         false => model.visit_places(place, size, &mut Scratch::default(), &mut take),

@@ -18,8 +18,8 @@ pub(super) struct View {
     pub(super) has_round_stop: bool,
     /// Area of the stop, mm^2.
     pub(super) stop_mm2: f64,
-    /// Pictures of the cell, for a blurred sensor.
-    pub(super) pictures: Arc<Pictures>,
+    /// Pictures of the cell; None for a sharp sensor.
+    pub(super) pictures: Option<Arc<Pictures>>,
     /// Blur of the sensor; None for a sharp one.
     pub(super) blur: Option<SensorBlur>,
 }
