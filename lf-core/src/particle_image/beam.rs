@@ -34,8 +34,6 @@ const STEP_MM: f64 = 1e-3;
 const TERMS: usize = 12;
 /// Fixed-point steps to the place of the stop whose light meets a lenslet.
 const BEND_STEPS: usize = 3;
-/// Step of a bend's slope, half apertures.
-const BEND_STEP: f64 = 0.02;
 /// Place of the four rays that stand for a bent beam, half apertures.
 const STANDS: f64 = 0.7;
 
@@ -111,13 +109,20 @@ impl Beam {
         self.chief + self.alpha * aperture + self.bend(aperture / half_aperture_mm)
     }
 
-    /// Growth of the bend along x and y per length of the stop along the same.
+    /// Derivatives of a hit by the place in the stop along x and along y.
     #[inline(always)]
-    pub(super) fn bend_slope(&self, aperture: DVec2, half_aperture_mm: f64) -> DVec2 {
-        let place = aperture / half_aperture_mm;
-        let slope =
-            |step: DVec2| (self.bend(place + step) - self.bend(place - step)) / (2.0 * BEND_STEP * half_aperture_mm);
-        DVec2::new(slope(DVec2::X * BEND_STEP).x, slope(DVec2::Y * BEND_STEP).y)
+    pub(super) fn slopes(&self, aperture: DVec2, half_aperture_mm: f64) -> [DVec2; 2] {
+        let straight = [DVec2::new(self.alpha, 0.0), DVec2::new(0.0, self.alpha)];
+        let Some(bend) = &self.bend else { return straight };
+        let (u, v) = (aperture / half_aperture_mm).into();
+        let [_, by_u, by_v, uu, uv, vv, uuu, uuv, uvv, vvv, u_fourth, v_fourth] = *bend;
+        let square = u * u + v * v;
+        let both = 4.0 * square * (u * u_fourth + v * v_fourth);
+        let fourth = square * square;
+        let along = by_u + 2.0 * u * uu + v * uv + 3.0 * u * u * uuu + 2.0 * u * v * uuv + v * v * uvv;
+        let across = by_v + 2.0 * v * vv + u * uv + u * u * uuv + 2.0 * u * v * uvv + 3.0 * v * v * vvv;
+        let bent = [along + u * both + fourth * u_fourth, across + v * both + fourth * v_fourth];
+        [0, 1].map(|n| straight[n] + bent[n] / half_aperture_mm)
     }
 
     /// Second derivatives of a hit by the place in the stop along x and along y, 1/mm.
@@ -153,7 +158,8 @@ impl Beam {
         for _ in 0..BEND_STEPS {
             place = ((centre - self.chief - self.bend(place)) * per_mm).clamp_length_max(1.0);
         }
-        let alpha = self.alpha + self.bend_slope(place * half_aperture_mm, half_aperture_mm);
+        let [by_u, by_v] = self.slopes(place * half_aperture_mm, half_aperture_mm);
+        let alpha = DVec2::new(by_u.x, by_v.y);
         (self.hit(place * half_aperture_mm, half_aperture_mm) - alpha * place * half_aperture_mm, alpha)
     }
 }

@@ -86,8 +86,10 @@ impl<T: Listed> LensletImage<'_, T> {
         }
 
         // Take the mean of the cell over each pixel.
+        let per_slope = DVec2::new(axes[0].per_slope, axes[1].per_slope);
+        let kernel = (PIXEL_VARIANCE + blur.sigma_px * blur.sigma_px) * per_slope * per_slope;
         if self.beam.is_bent() {
-            self.follow_bent_rays(blur, line, alpha, &axes, scratch);
+            self.follow_bent_rays(blur, line, (kernel, per_slope), scratch);
             T::means_at::<N>(ladder, scratch);
             self.stretch(blur, scratch);
         } else {
@@ -96,19 +98,15 @@ impl<T: Listed> LensletImage<'_, T> {
         }
 
         // Multiply it by the share that the stop lets through.
-        let Scratch { points, means, fours, pixels, .. } = scratch;
+        let Scratch { points, means, fours, pixels, hits, .. } = scratch;
         pixels.clear();
         pixels.resize(points[0].len() * points[1].len(), [0.0; QUANTITIES]);
-        let per_slope = DVec2::new(axes[0].per_slope, axes[1].per_slope);
-        let kernel = (PIXEL_VARIANCE + blur.sigma_px * blur.sigma_px) * per_slope * per_slope;
         let scale = blur.share * (per_slope.x * per_slope.y).abs() / self.view.stop_mm2;
         let growth = axes[0].gamma * per_slope.x + axes[1].gamma * per_slope.y;
         let pixel = Pixel {
             half,
             per_half: 1.0 / half,
-            alpha,
             kernel,
-            kernel_alpha: kernel * alpha,
             most_shift: MOST_SHIFT * DVec2::new(kernel.x.sqrt(), kernel.y.sqrt()),
             scale,
             growth,
@@ -120,9 +118,14 @@ impl<T: Listed> LensletImage<'_, T> {
             fours.push(FourPlaces::new(&points[0], first));
         }
         let mut means = means.iter();
-        for (y, row) in points[1].iter().zip(pixels.chunks_mut(columns)) {
-            for ((x, mean), out) in fours.iter().zip(&mut means).zip(row.chunks_mut(LANES)) {
-                pixel.light::<N>(blur, &widened, mean, (x, y), per_slope, out);
+        let straight = Spread::straight(alpha);
+        for (n, (y, row)) in points[1].iter().zip(pixels.chunks_mut(columns)).enumerate() {
+            for (first, ((x, mean), out)) in fours.iter().zip(&mut means).zip(row.chunks_mut(LANES)).enumerate() {
+                let spread = match self.beam.is_bent() {
+                    true => Spread::of(&hits[n * columns + LANES * first..][..out.len()], per_slope),
+                    false => straight,
+                };
+                pixel.light::<N>(blur, &widened, (mean, &spread), (x, y), per_slope, out);
             }
         }
         Some(patch)
@@ -163,45 +166,51 @@ impl<T: Listed> LensletImage<'_, T> {
         }
     }
 
-    /// Finds where the rays through the middles of the pixels meet the array, and how wide pixels are there.
+    /// Mean place and variance of the part of a normal bump that passes the stop, from those of the bump.
+    #[inline(always)]
+    fn part_inside(&self, bell: &Bell, middle: DVec2, variance: DVec2) -> [DVec2; 2] {
+        let half = self.view.optics.half_aperture_mm;
+        // Of a bump cut at one side: the shift of its mean, and the share of its variance.
+        let cut = |at: f64, sigma: f64| {
+            let z = (half - at) / sigma;
+            bell.at(z).map_or((half - at, 0.0), |(share, density)| {
+                let hazard = density / share;
+                (-sigma * hazard, 1.0 - hazard * (z + hazard))
+            })
+        };
+        if self.view.has_round_stop {
+            let radius = middle.length().max(f64::MIN_POSITIVE);
+            let (shift, share) = cut(radius, (0.5 * (variance.x + variance.y)).sqrt());
+            return [middle * (1.0 + shift / radius), share * variance];
+        }
+        let (x, y) = (cut(middle.x.abs(), variance.x.sqrt()), cut(middle.y.abs(), variance.y.sqrt()));
+        [middle + middle.signum() * DVec2::new(x.0, y.0), variance * DVec2::new(x.1, y.1)]
+    }
+
+    /// Finds where the rays through the middles of the pixels meet the array, and how wide pixels are there. Rays bend
+    /// as they do where the light of the pixel's `kernel` (its variance) passes the stop; beside the stop they have no
+    /// meaning.
     #[inline(always)]
     fn follow_bent_rays(
         &self,
         blur: &SensorBlur,
         line: &LensletLine,
-        alpha: DVec2,
-        axes: &[Axis; 2],
+        (kernel, per_slope): (DVec2, DVec2),
         scratch: &mut Scratch,
     ) {
         let half = self.view.optics.half_aperture_mm;
         let Scratch { hits, points, .. } = scratch;
-        let columns = points[0].len();
-        // The blur takes the mean of hits, which their curvature moves. Without it depths behind 180 mm of water err by
-        // 1 px; the pixel's own width in it makes them worse.
-        let variance = blur.sigma_px * blur.sigma_px;
-        let halves = [0, 1].map(|axis| 0.5 * variance * axes[axis].per_slope * axes[axis].per_slope);
         hits.clear();
-        for y in &points[1] {
-            for x in &points[0] {
-                let at = DVec2::new(x.u, y.u);
-                let [across, down] = self.beam.curvature(at, half);
-                let place = self.beam.hit(at, half) + halves[0] * across + halves[1] * down - line.centre;
-                hits.push(Hit { place, width: DVec2::ZERO, by_px: [DVec2::ZERO; 2], sigma_mm: 0.0, has_pixel: false });
-            }
-        }
-        // A width is half the way from the pixel before to the one behind.
-        for axis in 0..2 {
-            let (stride, count) = if axis == 0 { (1, columns) } else { (columns, points[1].len()) };
-            for n in 0..hits.len() {
-                let place = n / stride % count;
-                let before = if place > 0 { n - stride } else { n };
-                let after = if place + 1 < count { n + stride } else { n };
-                let steps = (after - before) / stride;
-                hits[n].by_px[axis] = match steps {
-                    0 => DVec2::AXES[axis] * (alpha[axis] * axes[axis].per_slope),
-                    _ => (hits[after].place - hits[before].place) / steps as f64,
-                };
-            }
+        for at in points[1].iter().flat_map(|y| points[0].iter().map(|x| DVec2::new(x.u, y.u))) {
+            let [middle, variance] = self.part_inside(&blur.bell, at, kernel);
+            let [by_u, by_v] = self.beam.slopes(middle, half);
+            let [across, down] = self.beam.curvature(middle, half);
+            let step = at - middle;
+            // The pixel takes the mean of hits, which their curvature moves.
+            let bent = 0.5 * (variance.x * across + variance.y * down);
+            let place = self.beam.hit(middle, half) + step.x * by_u + step.y * by_v + bent - line.centre;
+            let by_px = [per_slope.x * by_u, per_slope.y * by_v];
+            hits.push(Hit { place, width: DVec2::ZERO, by_px, sigma_mm: 0.0, has_pixel: false });
         }
         for hit in hits.iter_mut() {
             let [a, b] = hit.by_px;
@@ -243,10 +252,8 @@ impl<T: Listed> LensletImage<'_, T> {
 struct Pixel {
     half: f64,
     per_half: f64,
-    alpha: DVec2,
-    /// Variance of the pixel's kernel in the stop, mm^2, and the same times alpha.
+    /// Variance of the pixel's kernel in the stop, mm^2.
     kernel: DVec2,
-    kernel_alpha: DVec2,
     /// Largest shift of the bump's middle, mm.
     most_shift: DVec2,
     /// Area of a pixel in the stop over the stop's.
@@ -254,6 +261,30 @@ struct Pixel {
     /// Relative growth of that area with alpha.
     growth: f64,
     is_round: bool,
+}
+
+/// How far four rays move on the array with their places in the stop, along x and along y.
+#[derive(Clone, Copy)]
+struct Spread {
+    by_u: [DVec4; 2],
+    by_v: [DVec4; 2],
+}
+
+impl Spread {
+    #[inline(always)]
+    fn straight(alpha: DVec2) -> Self {
+        Self { by_u: [DVec4::splat(alpha.x), DVec4::ZERO], by_v: [DVec4::ZERO, DVec4::splat(alpha.y)] }
+    }
+
+    /// Of up to four bent rays.
+    #[inline(always)]
+    fn of(hits: &[Hit], per_slope: DVec2) -> Self {
+        let number = |axis: usize, along: usize| {
+            let one = |hit: &Hit| hit.by_px[axis][along] / per_slope[axis];
+            DVec4::from_array(std::array::from_fn(|n| hits.get(n).map_or(0.0, one)))
+        };
+        Self { by_u: [number(0, 0), number(0, 1)], by_v: [number(1, 0), number(1, 1)] }
+    }
 }
 
 /// The slope and the curvature of the logarithm of a mean.
@@ -312,28 +343,32 @@ impl Pixel {
         &self,
         blur: &SensorBlur,
         widened: &Widened,
-        mean: &Mean,
+        (mean, spread): (&Mean, &Spread),
         (x, y): (&FourPlaces, &Place),
         per_slope: DVec2,
         out: &mut [[f64; QUANTITIES]],
     ) {
-        let Self { alpha, kernel, kernel_alpha, scale, .. } = *self;
+        let Self { kernel, scale, .. } = *self;
         let number = |n: usize| DVec4::from_array(mean[n]);
         let (mean_level, mean_slope, by_size) = (number(0), [number(1), number(2)], number(6));
         let log = Logarithm::of(mean);
         let Logarithm { slope, xx, xy, yy, .. } = log;
-        // Find the middle and the variance of the bump from the logarithm of the mean.
+        // Find the middle and the variance of the bump from the logarithm of the mean, followed along the stop.
+        let along_stop = |by: [DVec4; 2]| [by[0] * xx + by[1] * xy, by[0] * xy + by[1] * yy];
+        let Spread { by_u, by_v } = *spread;
+        let curves = [along_stop(by_u), along_stop(by_v)];
+        let shifts = [by_u[0] * slope[0] + by_u[1] * slope[1], by_v[0] * slope[0] + by_v[1] * slope[1]];
         let most = [DVec4::splat(self.most_shift.x), DVec4::splat(self.most_shift.y)];
         let middle = [
-            x.u + (kernel_alpha.x * slope[0]).max(-most[0]).min(most[0]),
-            y.u + (kernel_alpha.y * slope[1]).max(-most[1]).min(most[1]),
+            x.u + (kernel.x * shifts[0]).max(-most[0]).min(most[0]),
+            y.u + (kernel.y * shifts[1]).max(-most[1]).min(most[1]),
         ];
-        let curve = [alpha.x * alpha.x * xx, alpha.y * alpha.y * yy];
+        let curve = [by_u[0] * curves[0][0] + by_u[1] * curves[0][1], by_v[0] * curves[1][0] + by_v[1] * curves[1][1]];
         let variance = [
             (kernel.x + kernel.x * kernel.x * curve[0]).max(DVec4::splat(LEAST_VARIANCE * kernel.x)),
             (kernel.y + kernel.y * kernel.y * curve[1]).max(DVec4::splat(LEAST_VARIANCE * kernel.y)),
         ];
-        let mixed = kernel_alpha.x * kernel_alpha.y * xy;
+        let mixed = kernel.x * kernel.y * (by_v[0] * curves[0][0] + by_v[1] * curves[0][1]);
         let inside = self.inside(&blur.bell, middle, variance, mixed);
         let share = scale * inside.share;
         let mut numbers = [DVec4::ZERO; QUANTITIES];
@@ -341,16 +376,11 @@ impl Pixel {
         // Follow both factors: the mean by its slopes, the share by the middle of the bump.
         let level = scale * mean_level;
         let by_middle = [level * inside.by_middle[0], level * inside.by_middle[1]];
-        let along = |x_by: DVec4, u_by: DVec4| {
-            share * mean_slope[0] * x_by
-                + by_middle[0] * (u_by + kernel_alpha.x * xx * x_by)
-                + by_middle[1] * (kernel_alpha.y * xy * x_by)
-        };
-        let across = |y_by: f64, u_by: f64| {
-            share * mean_slope[1] * y_by
-                + by_middle[0] * (kernel_alpha.x * xy * y_by)
-                + by_middle[1] * (u_by + kernel_alpha.y * yy * y_by)
-        };
+        let by_hit = [0, 1].map(|n| {
+            share * mean_slope[n] + by_middle[0] * (kernel.x * curves[0][n]) + by_middle[1] * (kernel.y * curves[1][n])
+        });
+        let along = |x_by: DVec4, u_by: DVec4| by_hit[0] * x_by + by_middle[0] * u_by;
+        let across = |y_by: f64, u_by: f64| by_hit[1] * y_by + by_middle[1] * u_by;
         let turned = kernel.x * by_middle[0] * slope[0] + kernel.y * by_middle[1] * slope[1];
         numbers[1] = along(x.x_by[0], x.u_by[0]);
         numbers[2] = across(y.x_by[0], y.u_by[0]);
@@ -364,8 +394,8 @@ impl Pixel {
             let (slope_by, curve_by) = log.by_size(mean);
             let by_variance = [level * inside.by_variance[0], level * inside.by_variance[1]];
             let by_bump = |n: usize| {
-                by_middle[n] * kernel_alpha[n] * slope_by[n]
-                    + by_variance[n] * (kernel_alpha[n] * kernel_alpha[n]) * curve_by[n]
+                let spread = kernel[n] * [by_u[0], by_v[1]][n];
+                by_middle[n] * spread * slope_by[n] + by_variance[n] * (spread * spread) * curve_by[n]
             };
             let by_bump = by_bump(0) + by_bump(1);
             let by_size = share * by_size + by_bump;
@@ -376,7 +406,7 @@ impl Pixel {
             let kernel_by = 2.0 * blur.sigma_px * per_slope * per_slope;
             let by_inside = |n: usize| {
                 let variance_by = kernel_by[n] * (1.0 + 2.0 * kernel[n] * curve[n]);
-                by_middle[n] * kernel_by[n] * alpha[n] * slope[n] + by_variance[n] * variance_by
+                by_middle[n] * kernel_by[n] * shifts[n] + by_variance[n] * variance_by
             };
             numbers[7] = by_size * widened.by_blur + by_inside(0) + by_inside(1);
         }

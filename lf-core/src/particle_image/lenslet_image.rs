@@ -596,8 +596,9 @@ impl<T: Listed> LensletImage<'_, T> {
         if self.beam.is_bent() {
             let aperture = DVec2::new(x.u, y.u);
             hit = self.beam.hit(aperture, half) - centre;
-            bend = self.beam.bend_slope(aperture, half);
-            growth = self.beam.alpha + bend;
+            let [by_u, by_v] = self.beam.slopes(aperture, half);
+            growth = DVec2::new(by_u.x, by_v.y);
+            bend = growth - self.beam.alpha;
         }
         let x = (table.taps(0, hit.x, self.more_mm), x.x_by_of_ray(bend.x));
         let y = (table.taps(1, hit.y, self.more_mm), y.x_by_of_ray(bend.y));
