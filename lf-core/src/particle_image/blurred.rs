@@ -170,7 +170,7 @@ impl<T: Listed> LensletImage<'_, T> {
     #[inline(always)]
     fn part_inside(&self, bell: &Bell, middle: DVec2, variance: DVec2) -> [DVec2; 2] {
         let half = self.view.optics.half_aperture_mm;
-        // Of a bump cut at one side: the shift of its mean, and the share of its variance.
+        // A bump that is cut at one side: the shift of its mean, and the share of its variance that is left.
         let cut = |at: f64, sigma: f64| {
             let z = (half - at) / sigma;
             bell.at(z).map_or((half - at, 0.0), |(share, density)| {
@@ -276,7 +276,7 @@ impl Spread {
         Self { by_u: [DVec4::splat(alpha.x), DVec4::ZERO], by_v: [DVec4::ZERO, DVec4::splat(alpha.y)] }
     }
 
-    /// Of up to four bent rays.
+    /// For up to four bent rays.
     #[inline(always)]
     fn of(hits: &[Hit], per_slope: DVec2) -> Self {
         let number = |axis: usize, along: usize| {

@@ -318,8 +318,8 @@ fn light_is_where_aberrated_rays_fall() {
     }
 }
 
-/// Scars: the bump of a pixel followed straight rays, and those that miss the stop bent like no ray. The images of a fast
-/// lens were 4 % off.
+/// Scars: a pixel's bump followed straight rays, and rays that miss the stop bent like none. The images of a fast lens
+/// were 4 % off.
 #[test]
 fn blurred_light_is_where_aberrated_rays_fall() {
     const RAYS: usize = 50_000;
