@@ -47,9 +47,12 @@ const DROPS: usize = 6;
 const HEIR: f64 = 150.0;
 /// A pixel of distance in depth counts like this many sideways when the nearest neighbour takes the light.
 const DEPTH_WEIGHT: f64 = 0.1;
-/// Two particles within these pixels, sideways and in depth, are usually one. So are a faint one and its neighbour. One
-/// is dropped if -2 log L rises by less than SPARE times the gain that a new particle needs.
-const TWIN: [f64; 2] = [2.0, 20.0];
+/// Two particles within these pixels, sideways and in depth, are usually one that the model draws badly: with one
+/// particle a lenslet, two in a thousand lie so near to each other. The fainter one is dropped if the image of one
+/// particle differs from theirs by less than the share ALIKE. A faint particle is dropped if -2 log L rises by less than
+/// SPARE times the gain that a new one needs.
+const TWIN: [f64; 2] = [1.5, 60.0];
+const ALIKE: f64 = 0.3;
 const SPARE: f64 = 10.0;
 /// Light of the faintest new particle, and the largest light at which one begins, over the usual.
 const FAINT: f64 = 0.2;
@@ -119,8 +122,9 @@ impl TileFit<'_, '_> {
             self.inherit(&particle, &mut rest, criteria);
             order.push(n);
             let (fitted, gain) = self.attempt(&order, &rest, DROP_TRIAL);
-            let is_spare = particle.light < FAINT * criteria.usual_light || self.is_beside(n, TWIN);
-            if -gain < criteria.gain * if is_spare { SPARE } else { 1.0 } {
+            let is_faint = particle.light < FAINT * criteria.usual_light;
+            let least = criteria.gain * if is_faint { SPARE } else { 1.0 };
+            if -gain < least.max(ALIKE * ALIKE * self.strength_of_twins(n)) {
                 self.keep(&order, fitted, particle.place_mm);
                 hit.push(particle.place_mm);
             }
@@ -135,7 +139,8 @@ impl TileFit<'_, '_> {
             return Some((0.0, *particle));
         }
         let strength = 1.0 / self.covariance(equations, n, criteria.lenslet_px, criteria.prior)[COUNTS][COUNTS];
-        let is_weak = strength < criteria.gain || (pairs && self.is_paired(n, criteria));
+        let is_twin = self.twin(n).is_some_and(|twin| twin.light >= particle.light);
+        let is_weak = strength < criteria.gain || is_twin || (pairs && self.is_paired(n, criteria));
         is_weak.then_some((strength, *particle))
     }
 
@@ -151,18 +156,38 @@ impl TileFit<'_, '_> {
 
     /// Whether a particle near focus has another beside it with which it may be one.
     fn is_paired(&self, n: usize, criteria: &Criteria) -> bool {
-        self.members[n].particle.place_mm[2].abs() < criteria.near_mm && self.is_beside(n, [criteria.lenslet_px, HEIR])
+        let z_mm = self.members[n].particle.place_mm[2];
+        z_mm.abs() < criteria.near_mm && self.beside(n, [criteria.lenslet_px, HEIR]).next().is_some()
     }
 
-    /// Whether a particle has another within these pixels, sideways and in depth.
-    fn is_beside(&self, n: usize, [aside, deep]: [f64; 2]) -> bool {
+    /// The brightest particle with which another may be one.
+    fn twin(&self, n: usize) -> Option<Particle> {
+        self.beside(n, TWIN).max_by(|a, b| a.light.total_cmp(&b.light))
+    }
+
+    /// The other particles within these pixels of one, sideways and in depth.
+    fn beside(&self, n: usize, [aside, deep]: [f64; 2]) -> impl Iterator<Item = Particle> {
         let [x, y, z] = self.members[n].particle.place_mm;
         let px = self.cameras.pixel_mm();
-        let is_near = |member: &Member| {
-            let [a, b, c] = member.particle.place_mm;
+        let is_near = move |particle: &Particle| {
+            let [a, b, c] = particle.place_mm;
             (a - x).hypot(b - y) < aside * px && (c - z).abs() < deep * px
         };
-        self.members.iter().enumerate().any(|(other, member)| other != n && is_near(member))
+        let others = self.members.iter().enumerate().filter(move |(other, _)| *other != n);
+        others.map(|(_, member)| member.particle).filter(is_near)
+    }
+
+    /// The fall of -2 log L by a particle and its twin, if noise grows with their light. 0 without a twin.
+    fn strength_of_twins(&self, n: usize) -> f64 {
+        let Some(twin) = self.twin(n) else { return 0.0 };
+        let mut sum = 0.0;
+        self.members[n].image.pixels(self.window.columns, |n, pixel| {
+            let (seen, light) = (self.window.seen[n], self.window.light[n]);
+            if !seen.is_nan() {
+                sum += f64::from(pixel[COUNTS].powi(2) / self.window.noise(self.cameras, n).variance(light));
+            }
+        });
+        sum * (1.0 + twin.light / self.members[n].particle.light)
     }
 
     /// Gives the light of a dropped particle to the nearest one of the rest, and moves that one towards it.
