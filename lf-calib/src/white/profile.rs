@@ -26,9 +26,7 @@ const ROUGHNESS: f64 = 1e-6;
 
 /// Places in a pixel, from its centre: columns and rows.
 fn samples() -> [[f64; SAMPLES]; 2] {
-    [1, ROW_STEP].map(|step| {
-        std::array::from_fn(|n| (step as f64 * (n as f64 + 0.5) / SAMPLES as f64).fract() - 0.5)
-    })
+    [1, ROW_STEP].map(|step| std::array::from_fn(|n| (step as f64 * (n as f64 + 0.5) / SAMPLES as f64).fract() - 0.5))
 }
 
 /// Normal equations of the profile, summed over pixels. The last unknown is the base.
