@@ -312,12 +312,7 @@ impl<'a, 'o> Stages<'a, 'o> {
         }
         self.particles.wake_where(|_| true);
         self.rounds(0)?;
-        // Before the rounds, particles that overlap look like large ones.
-        if self.fit_sizes()? {
-            self.rounds(1)?;
-        }
-        self.fit_shape()?;
-        self.fit_sizes()?;
+        self.own_sizes()?;
         if self.is_stale {
             self.fit("fit", ROUND_STEPS);
         }
@@ -439,6 +434,28 @@ impl<'a, 'o> Stages<'a, 'o> {
         let gain = self.particles.sweep(StopRule { steps, gain: SWEEP_GAIN });
         self.is_stale = false;
         self.report(what, Changes { gain, ..Changes::default() });
+    }
+
+    /// Fits sizes of the particles' own, if they differ. Before the rounds, particles that overlap look like large
+    /// ones.
+    fn own_sizes(&mut self) -> Result<(), Refusal> {
+        let CameraView { shape, shape_std_px, .. } = *self.particles.cameras.first();
+        let (list, doubts) = (self.particles.list.clone(), self.doubts);
+        if self.fit_sizes()? {
+            self.rounds(1)?;
+            self.fit_shape()?;
+            self.fit_sizes()?;
+            if self.particles.size_spread.is_some() {
+                return Ok(());
+            }
+            // Sizes that turn out to be one have moved particles near focus.
+            self.particles.cameras.views[0].set_shape(shape, shape_std_px)?;
+            self.particles.set(list);
+            self.particles.render();
+            self.doubts = doubts;
+            self.is_stale = true;
+        }
+        self.fit_shape()
     }
 
     /// Fits sizes of the particles' own, where they differ. Returns whether a size has changed.

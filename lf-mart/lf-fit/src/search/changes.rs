@@ -49,8 +49,8 @@ const HEIR: f64 = 150.0;
 const DEPTH_WEIGHT: f64 = 0.1;
 /// Two particles within these pixels, sideways and in depth, are usually one that the model draws badly: with one
 /// particle a lenslet, two in a thousand lie so near to each other. The fainter one is dropped if the image of one
-/// particle differs from theirs by less than the share ALIKE. A faint particle is dropped if -2 log L rises by less than
-/// SPARE times the gain that a new one needs.
+/// particle differs from theirs by less than the share ALIKE. A faint particle is dropped if -2 log L rises by less
+/// than SPARE times the gain that a new one needs.
 const TWIN: [f64; 2] = [1.5, 60.0];
 const ALIKE: f64 = 0.3;
 const SPARE: f64 = 10.0;
