@@ -18,15 +18,14 @@ const REACH: f64 = 0.71;
 const STEP_PX: f64 = 0.2;
 /// Largest number of knots. More of them would follow the noise of a few large lenslets.
 const MOST_KNOTS: f64 = 64.0;
-/// Samples of a pixel. They lie on a lattice of Fibonacci's: no two share a row or a column.
-const SAMPLES: usize = 34;
-const ROW_STEP: usize = 21;
+/// Samples along each side of a pixel.
+const SAMPLES: usize = 8;
 /// Weight of the profile's curvature and height against its misfit. It only determines what no pixel does.
 const ROUGHNESS: f64 = 1e-6;
 
-/// Places in a pixel, from its centre: columns and rows.
-fn samples() -> [[f64; SAMPLES]; 2] {
-    [1, ROW_STEP].map(|step| std::array::from_fn(|n| (step as f64 * (n as f64 + 0.5) / SAMPLES as f64).fract() - 0.5))
+/// Places along a side of a pixel, from its centre.
+fn samples() -> [f64; SAMPLES] {
+    std::array::from_fn(|n| (n as f64 + 0.5) / SAMPLES as f64 - 0.5)
 }
 
 /// Normal equations of the profile, summed over pixels. The last unknown is the base.
@@ -36,7 +35,6 @@ pub(crate) struct ProfileEquations {
     step_px: f64,
     knots: usize,
     lenslets: Vec<DVec2>,
-    samples: [[f64; SAMPLES]; 2],
     normal: DMatrix<f64>,
     right: DVector<f64>,
 }
@@ -51,7 +49,7 @@ impl ProfileEquations {
             .filter(|place| place.abs().max_element() < 2.0 * reach + 1.0)
             .collect();
         let normal = DMatrix::zeros(knots + 1, knots + 1);
-        Self { stop, basis_px, step_px, knots, lenslets, samples: samples(), normal, right: DVector::zeros(knots + 1) }
+        Self { stop, basis_px, step_px, knots, lenslets, normal, right: DVector::zeros(knots + 1) }
     }
 
     #[inline(always)]
@@ -74,17 +72,18 @@ impl ProfileEquations {
                 continue;
             }
             // In steps of the knots. The profile is zero from the last knot on.
-            let [x, y] = self.samples;
-            let place = |n: usize| per_step * (offset + DVec2::new(x[n], y[n]));
-            let distances: [f64; SAMPLES] = std::array::from_fn(|n| self.distance(place(n).x, place(n).y));
-            for distance in distances.into_iter().filter(|distance| *distance < end) {
-                let knot = distance as usize;
-                let share = distance - knot as f64;
-                line[knot] += 1.0 - share;
-                line[knot + 1] += share;
+            let [x, y] = offset.to_array().map(|middle| samples().map(|sample| per_step * (middle + sample)));
+            for y in y {
+                let distances = x.map(|x| self.distance(x, y));
+                for distance in distances.into_iter().filter(|distance| *distance < end) {
+                    let knot = distance as usize;
+                    let share = distance - knot as f64;
+                    line[knot] += 1.0 - share;
+                    line[knot + 1] += share;
+                }
             }
         }
-        line.iter_mut().for_each(|share| *share *= 1.0 / SAMPLES as f64);
+        line.iter_mut().for_each(|share| *share *= 1.0 / (SAMPLES * SAMPLES) as f64);
         line[self.knots] = 1.0;
     }
 
