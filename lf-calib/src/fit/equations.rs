@@ -7,8 +7,7 @@
 //! A step is a weighted Gauss-Newton step. Weights are Tukey's and change with the residuals, so the sum of squares
 //! need not fall; the caller watches a median distance and halves the steps that make it worse.
 
-use super::{changes::Changes, parameter::Parameter, robust::deviation, robust::tukey_weight};
-use lf_core::Camera;
+use super::{parameter::Parameter, robust::deviation, robust::tukey_weight};
 use nalgebra::{DMatrix, DVector};
 
 /// Periods per pixel of the sampling error that is assumed for the position of a sub-image. The error depends on the
@@ -41,8 +40,6 @@ pub(crate) struct SourceEquations {
 pub(crate) struct NormalEquations {
     pub parameters: Vec<Parameter>,
     pub sources: Vec<SourceEquations>,
-    /// Knowledge without the images: see [`Self::with_data_sheet`].
-    pub known: SourceEquations,
     /// Standard deviation of the residuals over their stated uncertainties.
     pub deviation: f64,
     /// Right sides that sampling errors alone would give, for each image and wave.
@@ -99,42 +96,31 @@ impl NormalEquations {
             })
             .collect();
         let deviation = (squares / (count - size as f64).max(1.0)).sqrt();
-        let known = SourceEquations { normal: DMatrix::zeros(size, size), right: DVector::zeros(size) };
-        Self { parameters: parameters.to_vec(), sources, known, deviation, sampling }
-    }
-
-    /// Adds that a data sheet is nearly right: see [`Parameter::data_sheet_error`]. Without it the parameters of a lens
-    /// that the model does not hold run along a valley of almost equal cameras.
-    pub fn with_data_sheet(mut self, nominal: &Camera, changes: &Changes) -> Self {
-        for (n, parameter) in self.parameters.iter().enumerate() {
-            if let Some(error) = parameter.data_sheet_error(nominal) {
-                // The observations' weights leave their own deviation out.
-                let weight = (self.deviation / error).powi(2);
-                self.known.normal[(n, n)] = weight;
-                self.known.right[n] = -weight * changes.get(*parameter);
-            }
-        }
-        self
+        Self { parameters: parameters.to_vec(), sources, deviation, sampling }
     }
 
     /// The equations for some of the parameters; the others stay fixed.
     pub fn columns(&self, parameters: &[Parameter]) -> Self {
         let columns: Vec<usize> =
             parameters.iter().filter_map(|p| self.parameters.iter().position(|known| known == p)).collect();
-        let selected = |source: &SourceEquations| SourceEquations {
-            normal: source.normal.select_columns(&columns).select_rows(&columns),
-            right: source.right.select_rows(&columns),
-        };
-        let (sources, known) = (self.sources.iter().map(selected).collect(), selected(&self.known));
+        let sources = self
+            .sources
+            .iter()
+            .map(|source| SourceEquations {
+                normal: source.normal.select_columns(&columns).select_rows(&columns),
+                right: source.right.select_rows(&columns),
+            })
+            .collect();
         let parameters = columns.iter().map(|&column| self.parameters[column]).collect();
         let sampling = self.sampling.iter().map(|right| right.select_rows(&columns)).collect();
-        Self { parameters, sources, known, deviation: self.deviation, sampling }
+        Self { parameters, sources, deviation: self.deviation, sampling }
     }
 
     /// Solves the equations. None if some parameters cannot be separated.
     pub fn solve(&self) -> Option<ParameterEstimate> {
         let size = self.parameters.len();
-        let (mut normal, mut right) = (self.known.normal.clone(), self.known.right.clone());
+        let mut normal = DMatrix::<f64>::zeros(size, size);
+        let mut right = DVector::<f64>::zeros(size);
         for source in &self.sources {
             normal += &source.normal;
             right += &source.right;

@@ -72,18 +72,6 @@ impl Parameter {
         }
     }
 
-    /// Standard deviation of the data sheet's number from the camera's. None where a data sheet says nothing.
-    pub fn data_sheet_error(self, nominal: &Camera) -> Option<f64> {
-        match self {
-            Self::FocalLength => Some(0.1 * nominal.main_lens.focal_length_mm),
-            Self::Gap => Some(0.1 * nominal.gap_mm()),
-            // Few data sheets name the pupil.
-            Self::Pupil => Some(0.3 * nominal.pupil_distance_mm()),
-            Self::Vergence => Some(0.3 / nominal.image_distance_mm()),
-            _ => None,
-        }
-    }
-
     /// Step of the numerical derivatives: it moves sub-images by a hundredth of a pixel to a few pixels.
     pub fn step(self, camera: &Camera) -> f64 {
         // Distortion is a power of the tangent of the chief ray; this is the tangent at the frame's corner.

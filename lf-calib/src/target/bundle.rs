@@ -95,22 +95,12 @@ impl Bundle<'_> {
         BundleMisfit { rms_px: rms(squares), expected_px: rms(expected), kept, sub_images }
     }
 
-    /// The equations of a step from these changes, by the images alone.
-    pub fn equations(&self, parameters: &[Parameter], changes: &Changes) -> NormalEquations {
-        NormalEquations::new(parameters, &self.observations(changes, parameters))
-    }
-
-    /// The equations by the images and the data sheet.
-    fn all_equations(&self, parameters: &[Parameter], changes: &Changes) -> NormalEquations {
-        self.equations(parameters, changes).with_data_sheet(self.nominal, changes)
-    }
-
     /// Fits some parameters, from given changes. None if they cannot be separated or leave the range of a camera.
     pub fn fit(&self, parameters: &[Parameter], from: &Changes) -> Option<BundleFit> {
         let mut changes = *from;
         let mut scatter = self.scatter(&changes);
         for _ in 0..STEPS {
-            let estimate = self.all_equations(parameters, &changes).solve()?;
+            let estimate = NormalEquations::new(parameters, &self.observations(&changes, parameters)).solve()?;
             let (moved, next) = (0..HALVINGS).find_map(|halving| {
                 let mut moved = changes;
                 for (parameter, step) in parameters.iter().zip(&estimate.step) {
@@ -126,7 +116,8 @@ impl Bundle<'_> {
                 break;
             }
         }
-        let estimate = self.all_equations(parameters, &changes).solve()?;
+        let equations = NormalEquations::new(parameters, &self.observations(&changes, parameters));
+        let estimate = equations.solve()?;
         let misfit = self.misfit(&changes);
         Some(BundleFit { parameters: parameters.to_vec(), changes, estimate, misfit })
     }

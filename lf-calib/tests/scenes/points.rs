@@ -6,7 +6,7 @@ use lf_core::{Camera, Optics};
 use ndarray::Array2;
 
 /// Number of rays of a point.
-const RAYS: usize = 300_000;
+const RAYS: usize = 30_000;
 /// Steps of the generalised golden ratio in four dimensions: the rays fill stop and dot evenly and beat with no
 /// lattice.
 const STEP: [f64; 4] = [0.856_674_883_854_503, 0.733_891_856_627_126, 0.628_706_721_037_811, 0.538_597_257_223_612];
