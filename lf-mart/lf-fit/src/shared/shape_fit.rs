@@ -29,8 +29,8 @@ const SAMPLE: f64 = 200.0;
 const SAMPLE_PX: f64 = 200.0;
 /// The sample is this much larger where parameters of the camera are fitted: some show over the frame only.
 const WIDE: f64 = 3.0;
-/// Distance of the shapes whose lights give the slopes by a camera's parameter, pixels.
-const SLOPE_PX: f64 = 0.015;
+/// Distance, to either side, of the shapes whose lights give the slopes by a camera's parameter, pixels.
+const SLOPE_PX: f64 = 0.1;
 /// The shape's fit leaves out pixels where the light of particles near focus exceeds this share of the noise, and those
 /// where the image differs by more than this number of standard deviations: particles may be missing there.
 const STRAY: f32 = 0.5;
@@ -178,28 +178,27 @@ impl<'a> Sample<'a> {
             }
         }
         if self.free.lens.contains(&true) {
-            self.add_lens_slopes(cameras, &images, &mut by_shape)?;
+            self.add_lens_slopes(cameras, &mut by_shape)?;
         }
         let deviance = cameras.deviance(&self.window, images.iter(), buffers);
         Ok(State { images, by_shape, deviance })
     }
 
-    /// Adds the slopes by the camera's free parameters: one step of each, and the light before it.
-    fn add_lens_slopes(
-        &self,
-        cameras: &Cameras,
-        images: &[ParticleImage],
-        by_shape: &mut [[f32; SHAPES]],
-    ) -> Result<(), Refusal> {
-        let mut now = vec![0f32; self.window.seen.len()];
-        images.iter().for_each(|image| image.add_to(&mut now, self.window.columns, 1.0));
+    /// Adds the slopes by the camera's free parameters: one step of each to either side. Both lights come on one road,
+    /// by bent rays or by straight ones, whose images differ by more than a step changes them.
+    fn add_lens_slopes(&self, cameras: &Cameras, by_shape: &mut [[f32; SHAPES]]) -> Result<(), Refusal> {
+        let view = cameras.first();
         for k in (ANALYTIC..SHAPES).filter(|k| self.free.lens[k - ANALYTIC]) {
-            let (view, mut step) = (cameras.first(), [0.0; SHAPES]);
-            step[k] = SLOPE_PX;
-            let moved = Cameras { views: vec![view.reshaped(view.shape.moved(step), view.depth_mm)?] };
-            let slope = |(then, now): (f32, &f32)| (then - now) / SLOPE_PX as f32;
-            let slopes = self.light(&moved).into_iter().zip(&now).map(slope);
-            by_shape.iter_mut().zip(slopes).for_each(|(slopes, slope)| slopes[k] = slope);
+            let light = |step_px: f64| {
+                let mut step = [0.0; SHAPES];
+                step[k] = step_px;
+                let moved = view.reshaped(view.shape.moved(step), view.depth_mm)?;
+                Ok::<_, Refusal>(self.light(&Cameras { views: vec![moved] }))
+            };
+            let (before, after) = (light(-SLOPE_PX)?, light(SLOPE_PX)?);
+            for ((slopes, before), after) in by_shape.iter_mut().zip(before).zip(after) {
+                slopes[k] = (after - before) / (2.0 * SLOPE_PX) as f32;
+            }
         }
         Ok(())
     }
