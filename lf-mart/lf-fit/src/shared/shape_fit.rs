@@ -30,7 +30,7 @@ const SAMPLE_PX: f64 = 200.0;
 /// The sample is this much larger where parameters of the camera are fitted: some show over the frame only.
 const WIDE: f64 = 3.0;
 /// Distance, to either side, of the shapes whose lights give the slopes by a camera's parameter, pixels.
-const SLOPE_PX: f64 = 0.1;
+const SLOPE_PX: f64 = 0.015;
 /// The shape's fit leaves out pixels where the light of particles near focus exceeds this share of the noise, and those
 /// where the image differs by more than this number of standard deviations: particles may be missing there.
 const STRAY: f32 = 0.5;
