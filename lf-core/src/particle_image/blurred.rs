@@ -77,7 +77,7 @@ impl<T: Listed> LensletImage<'_, T> {
         let [column, row] = [left, top].map(|first| first as u32);
         let patch = Patch { column, row, columns: (right - left) as u32, rows: (bottom - top) as u32 };
         if !self.beam.is_bent() && !widened.has_pixel && self.is_inside_stop(&axes, alpha) {
-            self.unshaded::<N>((blur, ladder), &widened, Cut::none(patch.columns, alpha, line.centre), scratch);
+            self.unshaded((blur, ladder), &widened, Cut::none(patch.columns, alpha, line.centre), scratch);
             return Some(patch);
         }
         for (axis, (first, end)) in [(left, right), (top, bottom)].into_iter().enumerate() {
@@ -145,13 +145,7 @@ impl<T: Listed> LensletImage<'_, T> {
 
     /// Fills the scratch's pixels where the stop cuts nothing: as on a sharp sensor, with a wider spot.
     #[inline(always)]
-    fn unshaded<const N: usize>(
-        &self,
-        (blur, ladder): (&SensorBlur, &Ladder<T>),
-        widened: &Widened,
-        cut: Cut,
-        scratch: &mut Scratch,
-    ) {
+    fn unshaded(&self, (blur, ladder): (&SensorBlur, &Ladder<T>), widened: &Widened, cut: Cut, scratch: &mut Scratch) {
         let tables = ladder.nearest(widened.sigma_mm);
         let more_mm = widened.sigma_mm - tables.sigma_mm;
         let image = LensletImage { tables, spot_mm: widened.sigma_mm, more_mm, ..*self };
@@ -209,15 +203,11 @@ impl<T: Listed> LensletImage<'_, T> {
             // The pixel takes the mean of hits, which their curvature moves.
             let bent = 0.5 * (variance.x * across + variance.y * down);
             let place = self.beam.hit(middle, half) + step.x * by_u + step.y * by_v + bent - line.centre;
-            let by_px = [per_slope.x * by_u, per_slope.y * by_v];
-            hits.push(Hit { place, width: DVec2::ZERO, by_px, sigma_mm: 0.0, has_pixel: false });
-        }
-        for hit in hits.iter_mut() {
-            let [a, b] = hit.by_px;
+            let [a, b] = [per_slope.x * by_u, per_slope.y * by_v];
             let along = (0.5 * (a.length_squared() + b.length_squared())).sqrt();
-            let widened = blur.widened(self.spot_mm, along, 1.0);
-            (hit.sigma_mm, hit.has_pixel) = (widened.sigma_mm, widened.has_pixel);
-            hit.width = DVec2::new(a.x, b.y).abs().max(DVec2::splat(LEAST_WIDTH * widened.sigma_mm));
+            let Widened { sigma_mm, has_pixel, .. } = blur.widened(self.spot_mm, along, 1.0);
+            let width = DVec2::new(a.x, b.y).abs().max(DVec2::splat(LEAST_WIDTH * sigma_mm));
+            hits.push(Hit { place, width, by_px: [a, b], sigma_mm, has_pixel });
         }
     }
 }

@@ -180,14 +180,8 @@ impl TileFit<'_, '_> {
     /// The fall of -2 log L by a particle and its twin, if noise grows with their light. 0 without a twin.
     fn strength_of_twins(&self, n: usize) -> f64 {
         let Some(twin) = self.twin(n) else { return 0.0 };
-        let mut sum = 0.0;
-        self.members[n].image.pixels(self.window.columns, |n, pixel| {
-            let (seen, light) = (self.window.seen[n], self.window.light[n]);
-            if !seen.is_nan() {
-                sum += f64::from(pixel[COUNTS].powi(2) / self.window.noise(self.cameras, n).variance(light));
-            }
-        });
-        sum * (1.0 + twin.light / self.members[n].particle.light)
+        let [_, square] = self.along_residual(&self.members[n].image);
+        square * (1.0 + twin.light / self.members[n].particle.light)
     }
 
     /// Gives the light of a dropped particle to the nearest one of the rest, and moves that one towards it.
@@ -314,6 +308,12 @@ impl TileFit<'_, '_> {
 
     /// The matched filter of the residual: fall of -2 log L by a particle alone, and its light over that of the image.
     fn filter(&self, image: &ParticleImage) -> (f64, f64) {
+        let [along, square] = self.along_residual(image);
+        if along > 0.0 && square > 0.0 { (along * along / square, along / square) } else { (0.0, 0.0) }
+    }
+
+    /// Products of an image with the residual and with itself, over the variance of the pixels.
+    fn along_residual(&self, image: &ParticleImage) -> [f64; 2] {
         let (mut along, mut square) = (0.0, 0.0);
         image.pixels(self.window.columns, |n, pixel| {
             let (seen, light) = (self.window.seen[n], self.window.light[n]);
@@ -323,7 +323,7 @@ impl TileFit<'_, '_> {
                 square += weight * f64::from(pixel[COUNTS]);
             }
         });
-        if along > 0.0 && square > 0.0 { (along * along / square, along / square) } else { (0.0, 0.0) }
+        [along, square]
     }
 
     /// Near focus -2 log L has several minima. Scans own particles there sideways and in depth, with their light held.
