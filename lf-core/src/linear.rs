@@ -3,16 +3,24 @@
 //! Only the lower triangle of a matrix is read. [`cholesky_above`] and [`solve`] take sums in order; [`cholesky`] and
 //! [`solve_lower`] take them in lanes, which is several times as fast for hundreds of unknowns.
 
+use crate::simd::fastest;
+
 /// Lanes of a sum.
 const LANES: usize = 8;
 
 /// Sum of products, in lanes.
+#[inline(always)]
 pub fn dot(a: &[f64], b: &[f64]) -> f64 {
     let mut sums = [0.0; LANES];
-    let (a, b) = (a.chunks_exact(LANES), b.chunks_exact(LANES));
-    let rest: f64 = a.remainder().iter().zip(b.remainder()).map(|(a, b)| a * b).sum();
-    for (a, b) in a.zip(b) {
-        sums.iter_mut().zip(a.iter().zip(b)).for_each(|(sum, (a, b))| *sum += a * b);
+    let ((a, a_rest), (b, b_rest)) = (a.as_chunks::<LANES>(), b.as_chunks::<LANES>());
+    for (a, b) in a.iter().zip(b) {
+        for n in 0..LANES {
+            sums[n] += a[n] * b[n];
+        }
+    }
+    let mut rest = 0.0;
+    for (a, b) in a_rest.iter().zip(b_rest) {
+        rest += a * b;
     }
     sums.iter().sum::<f64>() + rest
 }
@@ -21,6 +29,16 @@ pub fn dot(a: &[f64], b: &[f64]) -> f64 {
 /// `least` times the matrix's value there: the matrix is singular or not positive definite.
 #[must_use]
 pub fn cholesky(matrix: &mut [f64], size: usize, least: f64) -> Option<()> {
+    let mut done = None;
+    fastest(
+        #[inline(always)]
+        || done = cholesky_by_rows(matrix, size, least),
+    );
+    done
+}
+
+#[inline(always)]
+fn cholesky_by_rows(matrix: &mut [f64], size: usize, least: f64) -> Option<()> {
     for i in 0..size {
         let (above, below) = matrix.split_at_mut(i * size);
         let row = &mut below[..=i];
