@@ -80,6 +80,18 @@ fn lengths_far_from_the_data_sheet_raise_a_warning() {
     }
 }
 
+/// The other three images fit a camera; the fourth is named.
+#[test]
+fn an_image_at_a_wrong_depth_is_named() {
+    let nominal = points::camera(LENSLETS);
+    let seen = exposures(&nominal, |[x, y, z]| [x, y, if z == 4.0 { 3.5 } else { z }]);
+    let found = main_lens(&seen, &nominal, &|_| ()).unwrap();
+    let warnings = fit_warnings(&found, &nominal);
+    assert_eq!(found.against_mm, [3.5], "{warnings:?}");
+    let is_told = |warning: &String| warning.starts_with("images at 3.5 mm do not show the dots");
+    assert!(warnings.iter().any(is_told), "{warnings:?}");
+}
+
 #[test]
 fn a_target_stated_too_coarse_is_warned_of() {
     let nominal = points::camera(LENSLETS);

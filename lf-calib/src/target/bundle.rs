@@ -95,6 +95,19 @@ impl Bundle<'_> {
         BundleMisfit { rms_px: rms(squares), expected_px: rms(expected), kept, sub_images }
     }
 
+    /// For each of some images, the share of its sub-images that have weight; 0 for one without any.
+    pub fn following(&self, changes: &Changes, exposures: usize) -> Vec<f64> {
+        let observations = self.observations(changes, &[]);
+        let scatter = deviation(observations.iter().flatten().map(distance).collect());
+        let mut counts = vec![[0.0; 2]; exposures];
+        for observation in observations.iter().flatten() {
+            let [kept, all] = &mut counts[observation.exposure];
+            *kept += f64::from(u8::from(distance(observation) < OUTLIER * scatter));
+            *all += 1.0;
+        }
+        counts.into_iter().map(|[kept, all]| kept / all.max(1.0)).collect()
+    }
+
     /// Fits some parameters, from given changes. None if they cannot be separated or leave the range of a camera.
     pub fn fit(&self, parameters: &[Parameter], from: &Changes) -> Option<BundleFit> {
         let mut changes = *from;

@@ -49,7 +49,8 @@ pub fn main_lens(
 ) -> Result<MainLensFit, (Option<usize>, Refusal)> {
     let search = TargetSearch { exposures, nominal, ids: numbers_by_id(exposures), watch };
     let groups = groups(nominal);
-    let (sightings, start) = search.first_detections()?;
+    let usable = search.usable(&Optics::new(nominal)).map_err(|refusal| (None, refusal))?;
+    let (sightings, start) = search.first_detections(&usable)?;
     let first = search.first_fit(&sightings, &groups, &start).ok_or_else(unsolved)?;
     let (readings, changes) = search.detect_again(&first).ok_or_else(unsolved)?;
 
@@ -65,7 +66,11 @@ pub fn main_lens(
     }
     let pose_only = bundle.fit(&ALWAYS[..6], &start).map_or_else(|| bundle.misfit(&start), |posed| posed.misfit);
     let used = (0..exposures.len()).filter(|&n| !readings[n].is_empty()).collect();
-    Ok(report(nominal, &fit, &results, pose_only, used, &sightings, exposures))
+    let following = bundle.following(&fit.changes, exposures.len());
+    let mut against_mm: Vec<f64> =
+        usable.into_iter().filter(|&n| following[n] < LEAST_FOLLOWING).map(|n| exposures[n].depth_mm()).collect();
+    against_mm.sort_by(f64::total_cmp);
+    Ok(MainLensFit { against_mm, ..report(nominal, &fit, &results, pose_only, used, &sightings, exposures) })
 }
 
 /// Groups of parameters that may be free. With a white image the positions of the lenslets are known. Without one, a
@@ -125,10 +130,9 @@ impl TargetSearch<'_> {
     }
 
     /// Finds the target in every usable image. Returns the dots seen, and the start of the fit.
-    fn first_detections(&self) -> Result<(Vec<DotSighting>, Changes), ImageRefusal> {
+    fn first_detections(&self, used: &[usize]) -> Result<(Vec<DotSighting>, Changes), ImageRefusal> {
         let optics = Optics::new(self.nominal);
         let half_view = DVec2::from(self.nominal.half_view_mm());
-        let used = self.usable(&optics).map_err(|refusal| (None, refusal))?;
         (self.watch)((self.exposures.len() - used.len()) as u64);
         first_detections(used.iter().map(|&n| self.image(n, &optics)), half_view, || (self.watch)(1))
     }

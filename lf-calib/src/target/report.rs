@@ -15,6 +15,8 @@ pub struct MainLensFit {
     pub camera: Camera,
     /// Numbers of the images that could be used.
     pub used: Vec<usize>,
+    /// Depths, mm, of images out of focus most of whose sub-images are not where the camera has them.
+    pub against_mm: Vec<f64>,
     /// Names of the parameters that the data required, besides the pose and the magnification.
     pub selected: Vec<&'static str>,
     /// Pairs of parameters that can hardly be separated: the size of their correlation is above 0.95.
@@ -68,6 +70,7 @@ pub(crate) fn report(
     MainLensFit {
         camera,
         used,
+        against_mm: Vec::new(),
         selected: selected.map(|parameter| parameter.name()).collect(),
         correlated,
         dots: dots.len(),

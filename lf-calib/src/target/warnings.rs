@@ -30,6 +30,14 @@ pub fn fit_warnings(found: &MainLensFit, nominal: &Camera) -> Vec<String> {
             rms / expected
         ));
     }
+    if !found.against_mm.is_empty() {
+        let depths: Vec<String> = found.against_mm.iter().map(|depth| format!("{depth}")).collect();
+        warnings.push(format!(
+            "images at {} mm do not show the dots where this camera has them: check the depths, the direction of z, and the data \
+             sheets",
+            depths.join(", ")
+        ));
+    }
     let camera = &found.camera;
     for (name, value, stated) in [
         ("gap_mm", camera.gap_mm(), nominal.gap_mm()),
