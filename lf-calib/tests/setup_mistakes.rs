@@ -88,8 +88,8 @@ fn an_image_at_a_wrong_depth_is_named() {
     let found = main_lens(&seen, &nominal, &|_| ()).unwrap();
     let warnings = fit_warnings(&found, &nominal);
     assert_eq!(found.against_mm, [3.5], "{warnings:?}");
-    let is_told = |warning: &String| warning.starts_with("images at 3.5 mm do not show the dots");
-    assert!(warnings.iter().any(is_told), "{warnings:?}");
+    let names_it = |warning: &String| warning.starts_with("images at 3.5 mm do not show the dots");
+    assert!(warnings.iter().any(names_it), "{warnings:?}");
 }
 
 #[test]
