@@ -19,7 +19,7 @@ const APART_MM: f64 = 1e4;
 pub fn apart(particles: &[Particle]) -> Vec<Particle> {
     let aside = |particle: &Particle| {
         let [x, y, z] = particle.place_mm;
-        Particle { place_mm: [x + APART_MM * particle.frame as f64, y, z], ..particle.clone() }
+        Particle { place_mm: [x + APART_MM * particle.frame as f64, y, z], ..*particle }
     };
     particles.iter().map(aside).collect()
 }
@@ -93,7 +93,7 @@ fn steps(particles: &[Particle]) -> (Vec<Particle>, Vec<DVec3>) {
     let places: HashMap<(usize, u64), DVec3> = particles.iter().map(|p| (key(p), p.place_mm.into())).collect();
     let step = |particle: &Particle| {
         let (from, to) = (DVec3::from(particle.place_mm), places.get(&(particle.frame + 1, particle.id))?);
-        let middle = Particle { place_mm: (0.5 * (from + *to)).into(), uncertainty: None, ..particle.clone() };
+        let middle = Particle { place_mm: (0.5 * (from + *to)).into(), uncertainty: None, ..*particle };
         Some((middle, *to - from))
     };
     let (middles, displacements): (Vec<Particle>, Vec<DVec3>) = particles.iter().filter_map(step).unzip();
