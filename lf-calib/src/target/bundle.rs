@@ -79,16 +79,22 @@ impl Bundle<'_> {
         deviation(self.observations(changes, &[]).iter().flatten().map(distance).collect())
     }
 
+    /// The sub-images, and whether each has weight.
+    fn weighed(&self, changes: &Changes) -> impl Iterator<Item = (Observation, bool)> {
+        let observations = self.observations(changes, &[]).concat();
+        let limit = OUTLIER * deviation(observations.iter().map(distance).collect());
+        observations.into_iter().map(move |observation| {
+            let has_weight = distance(&observation) < limit;
+            (observation, has_weight)
+        })
+    }
+
     pub fn misfit(&self, changes: &Changes) -> BundleMisfit {
-        let observations = self.observations(changes, &[]);
-        let scatter = deviation(observations.iter().flatten().map(distance).collect());
         let (mut squares, mut expected, mut kept) = (0.0, 0.0, 0);
-        for observation in observations.iter().flatten() {
-            if distance(observation) < OUTLIER * scatter {
-                squares += 0.5 * (observation.off_px[0].powi(2) + observation.off_px[1].powi(2));
-                expected += observation.uncertainty_px.powi(2);
-                kept += 1;
-            }
+        for (observation, _) in self.weighed(changes).filter(|(_, has_weight)| *has_weight) {
+            squares += 0.5 * (observation.off_px[0].powi(2) + observation.off_px[1].powi(2));
+            expected += observation.uncertainty_px.powi(2);
+            kept += 1;
         }
         let rms = |squares: f64| (squares / kept.max(1) as f64).sqrt();
         let sub_images = self.sightings.iter().map(|sighting| sighting.sub_images.len()).sum();
@@ -97,12 +103,10 @@ impl Bundle<'_> {
 
     /// For each of some images, the share of its sub-images that have weight; 0 for one without any.
     pub fn following(&self, changes: &Changes, exposures: usize) -> Vec<f64> {
-        let observations = self.observations(changes, &[]);
-        let scatter = deviation(observations.iter().flatten().map(distance).collect());
         let mut counts = vec![[0.0; 2]; exposures];
-        for observation in observations.iter().flatten() {
+        for (observation, has_weight) in self.weighed(changes) {
             let [kept, all] = &mut counts[observation.exposure];
-            *kept += f64::from(u8::from(distance(observation) < OUTLIER * scatter));
+            *kept += f64::from(u8::from(has_weight));
             *all += 1.0;
         }
         counts.into_iter().map(|[kept, all]| kept / all.max(1.0)).collect()
