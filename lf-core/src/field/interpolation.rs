@@ -134,6 +134,19 @@ impl Field {
         }
         Some(found)
     }
+
+    /// Where a place goes, mm: by the displacement half way there, between the vectors around it that have data. Beyond
+    /// the outermost vectors these count. None where no vector has data.
+    pub fn follow(&self, place_mm: DVec3) -> Option<DVec3> {
+        let displacement = |place_mm: DVec3| {
+            let corners = self.layout.cell(place_mm).corners();
+            let known = || corners.iter().filter(|(at, weight)| *weight > 0.0 && self.flag[*at] != NO_DATA);
+            let sum: DVec3 = known().map(|(at, weight)| *weight * self.displacement_mm(*at)).sum();
+            (known().count() > 0).then(|| sum / known().map(|(_, weight)| weight).sum::<f64>())
+        };
+        let half_way = place_mm + 0.5 * displacement(place_mm)?;
+        displacement(half_way).map(|displacement_mm| place_mm + displacement_mm)
+    }
 }
 
 #[cfg(test)]
@@ -200,6 +213,24 @@ mod tests {
         let mut field = field([4, 5, 3], |_| [1.0, 2.0, 3.0]);
         field.flag[0] = NO_DATA;
         assert!(vector_mm(&field, [-0.9, 0.6, -2.9]).is_none() && vector_mm(&field, [-0.5, 0.6, -2.9]).is_some());
+    }
+
+    /// A shear in x along y: half way from y = 0.75 to 1.75, u is that of y = 1.25. A gap is filled from its neighbours
+    /// and the outside from the rim.
+    #[test]
+    fn places_go_by_the_displacement_half_way() {
+        let mut field = field([4, 5, 3], |[_, y, _]| [0.1 * y, 1.0, 0.0]);
+        let goes = |field: &Field, place_mm: [f64; 3]| field.follow(place_mm.into()).map(|place| place.to_array());
+        let wanted = [0.125, 1.75, -2.0];
+        assert!(goes(&field, [0.0, 0.75, -2.0]).unwrap().iter().zip(wanted).all(|(a, b)| (a - b).abs() < 1e-7));
+        let beyond = goes(&field, [0.0, 9.0, -2.0]).unwrap();
+        assert!((beyond[0] - 0.15).abs() < 1e-7 && beyond[1] == 10.0, "{beyond:?}");
+        field.flag[..20].fill(NO_DATA);
+        assert!(
+            goes(&field, [0.0, 0.75, -2.9]).unwrap().iter().zip([0.125, 1.75, -2.9]).all(|(a, b)| (a - b).abs() < 1e-7)
+        );
+        field.flag.fill(NO_DATA);
+        assert_eq!(goes(&field, [0.0, 0.75, -2.0]), None);
     }
 
     #[test]

@@ -49,7 +49,7 @@ pub fn estimated_bytes(inputs: &[CameraInput], options: &FitOptions) -> Result<u
     let (mut most, mut tables) = (0, 0);
     let (mut views, mut image, mut count) = (Vec::<CameraView>::new(), ImageSize::default(), 0);
     for (n, input) in inputs.iter().enumerate() {
-        let particles = start_alone(input, options).map_err(|refusal| (n, refusal))?;
+        let particles = start_alone(input, &input.first, options).map_err(|refusal| (n, refusal))?;
         let (first, grid) = (particles.cameras.first(), input.volume.grid());
         // A size that is fitted is unknown yet.
         let sigma_px = if options.free.size { options.shape.sigma_px.max(LARGE_PX) } else { options.shape.sigma_px };

@@ -99,6 +99,8 @@ pub struct Doubts {
     pub misfit_sharp: Option<f64>,
     /// Whether particles were no longer added because the misfit did not fall.
     pub is_stopped: bool,
+    /// The number of particles that were missing among given ones, where the fit began anew for it.
+    pub missing: Option<usize>,
 }
 
 /// The largest misfit that noise explains. Right models of real optics leave 0.95 to 1.06 under the noise of a sensor,
@@ -163,6 +165,9 @@ const OF_BEND: f64 = 0.2;
 const FEWER: f64 = 0.8;
 /// Rounds of a fit that noise does not explain end when the misfit falls by less than from 1 to this.
 const LEAST_FALL: f64 = 0.99;
+/// Given first particles are not those of the image if this share of their number is missing among them. Those of the
+/// frame before lack a tenth if a field has moved them, and 0.75 to 1.2 if they are 11 px off.
+const MOST_MISSING: f64 = 0.5;
 /// Rounds end when they change less than this share of the particles.
 const QUIET: f64 = 0.005;
 
@@ -178,11 +183,8 @@ pub fn fit<'a>(
 ) -> Result<Fit<'a>, (usize, Refusal)> {
     let mut alone = Vec::new();
     for (n, input) in inputs.iter().enumerate() {
-        let fitted = start_alone(input, options).and_then(|particles| {
-            let camera = (inputs.len() > 1).then_some(n);
-            Stages::new(particles, camera, options, &ALONE, &mut on_step).run()
-        });
-        alone.push(fitted.map_err(|refusal| (n, refusal))?);
+        let camera = (inputs.len() > 1).then_some(n);
+        alone.push(fit_alone(input, camera, options, &mut on_step).map_err(|refusal| (n, refusal))?);
     }
     if alone.len() == 1 {
         return Ok(alone.remove(0));
@@ -195,12 +197,39 @@ pub fn fit<'a>(
     Stages::new(particles, None, &held, &TOGETHER, &mut on_step).run().map_err(|refusal| (0, refusal))
 }
 
-/// One camera and the maxima of its volume.
-pub(crate) fn start_alone<'a>(input: &'a CameraInput, options: &FitOptions) -> Result<Particles<'a>, Refusal> {
-    // Find the candidates.
+/// Fits a camera alone. Begins anew where the first particles were given and are not those of its image.
+fn fit_alone<'a>(
+    input: &'a CameraInput,
+    camera: Option<usize>,
+    options: &FitOptions,
+    on_step: &mut dyn FnMut(&Progress),
+) -> Result<Fit<'a>, Refusal> {
+    let mut stages = Stages::new(start_alone(input, &input.first, options)?, camera, options, &ALONE, on_step);
+    if !input.is_given {
+        return stages.run();
+    }
+    stages.begin()?;
+    let missing = stages.add_what_is_left(input)?;
+    if (missing as f64) < MOST_MISSING * input.first.len() as f64 {
+        return stages.end();
+    }
+    let first = input.left(input.image.pixels.view())?;
+    let mut stages = Stages::new(start_alone(input, &first, options)?, camera, options, &ALONE, on_step);
+    stages.doubts.missing = Some(missing);
+    stages.run()
+}
+
+/// One camera and its first particles.
+pub(crate) fn start_alone<'a>(
+    input: &'a CameraInput,
+    first: &[Particle],
+    options: &FitOptions,
+) -> Result<Particles<'a>, Refusal> {
     let (camera, image) = (&input.camera, &input.image.pixels);
-    let mut list = input.first.clone();
-    Refusal::unless(!list.is_empty(), || "no voxel is brighter than its neighbours", "wanted a volume of particles")?;
+    let mut list = first.to_vec();
+    let found =
+        || if input.is_given { "no first particle lies in it" } else { "no voxel is brighter than its neighbours" };
+    Refusal::unless(!list.is_empty(), found, "wanted a volume of particles")?;
 
     // Scale their light to the image. That of the volume has no fixed scale.
     let seen: f64 = image.iter().filter(|v| !v.is_nan()).map(|v| f64::from(v.max(0.0))).sum();
@@ -299,6 +328,12 @@ impl<'a, 'o> Stages<'a, 'o> {
 
     /// The stages in their order.
     fn run(mut self) -> Result<Fit<'a>, Refusal> {
+        self.begin()?;
+        self.end()
+    }
+
+    /// Fits the first particles, and corrects a camera that does not explain its image.
+    fn begin(&mut self) -> Result<(), Refusal> {
         let maxima = self.particles.list.clone();
         self.first_fits(&maxima)?;
         if self.correct_camera()? {
@@ -306,10 +341,15 @@ impl<'a, 'o> Stages<'a, 'o> {
             let Shape { lens_px, drift_px, .. } = self.particles.cameras.first().shape;
             let first = self.options.shape.first(self.particles.cameras.first().camera);
             self.particles = self.anew(Shape { lens_px, drift_px, ..first }, &maxima)?;
-            self.doubts = Doubts::default();
+            self.doubts = Doubts { missing: self.doubts.missing, ..Doubts::default() };
             self.first_fits(&maxima)?;
             self.correct_camera()?;
         }
+        Ok(())
+    }
+
+    /// Changes particles until no change is worth it, fits all to the end, and finds all uncertainties.
+    fn end(mut self) -> Result<Fit<'a>, Refusal> {
         self.particles.wake_where(|_| true);
         self.rounds(0)?;
         self.own_sizes()?;
@@ -319,7 +359,24 @@ impl<'a, 'o> Stages<'a, 'o> {
         self.last_change();
         self.find_noise();
         self.align();
-        self.end()
+        self.fit("last fit", LAST_STEPS);
+        self.particles.wake_where(|_| true);
+        self.result()
+    }
+
+    /// Adds particles that given ones leave in the image, and returns their number. They come before any is split,
+    /// because their light spoils the fits beside them.
+    fn add_what_is_left(&mut self, input: &CameraInput) -> Result<usize, Refusal> {
+        self.fit("fit", FIRST_STEPS);
+        let view = self.particles.cameras.first();
+        self.candidates.extend(input.left((view.image - &view.expected()).view())?);
+        let (criteria, candidates) = (self.criteria(), self.candidates_by_tile(true));
+        let changes = self.change(|tile| {
+            let added = tile.add_candidates(&candidates[tile.place], true, &criteria);
+            Changes { added, ..Changes::default() }
+        });
+        self.report("what is left", changes);
+        Ok(changes.added)
     }
 
     /// Rounds until they change little, from the one with this number on.
@@ -629,10 +686,8 @@ impl<'a, 'o> Stages<'a, 'o> {
         (self.on_step)(&Progress { camera, what, particles: list.len(), changes, misfit, shape, noise });
     }
 
-    /// Fits all particles to the end, and finds all uncertainties.
-    fn end(mut self) -> Result<Fit<'a>, Refusal> {
-        self.fit("last fit", LAST_STEPS);
-        self.particles.wake_where(|_| true);
+    /// The particles with their uncertainties.
+    fn result(self) -> Result<Fit<'a>, Refusal> {
         let (misfit, residual) = (self.particles.cameras.misfit(), self.particles.cameras.residual());
         let mut particles = self.particles.uncertainties(self.prior);
         let excess = residual.excess() * if misfit > EXPLAINED { misfit } else { 1.0 };

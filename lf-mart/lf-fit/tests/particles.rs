@@ -421,3 +421,41 @@ fn depths_that_end_before_the_particles_are_said() {
     assert!(said.contains("particles lie at the end of the depths, -3.0 mm, where "), "{said}");
     assert!(!said.contains("at the end of the depths, 5"), "{said}");
 }
+
+/// Particles of the frame before, led by the true flow and without every eighth of them, are a start: the others are
+/// found in what they leave. Without the flow they are 12 px off: this is said, and changes no byte of the result.
+#[test]
+fn particles_of_the_frame_before_are_a_start() {
+    let flow = r#"flow={"kind": "uniform", "displacement_mm": [0.06, -0.03, 0.3]}"#;
+    let blur = r#"camera.blur={"wavelength_nm": 532, "sigma_px": 0.3}"#;
+    let noise = r#"sensor_noise={"photon_noise": true, "read_noise_electrons": 3}"#;
+    let bench = bench(&["frames=2", "particles.per_lenslet=0.4", flow, blur, noise]);
+    let truth: Vec<Particle> = table(&bench, "scene/particles.csv");
+    let text = bench.text("scene/particles.csv");
+    let header = text.lines().filter(|line| !line.starts_with(|c: char| c.is_ascii_digit()));
+    let others = text.lines().filter(|line| line.starts_with("0,")).enumerate().filter(|(n, _)| n % 8 != 0);
+    let lines: Vec<&str> = header.chain(others.map(|(_, line)| line)).collect();
+    bench.write("before.csv", lines.join("\n") + "\n");
+
+    bench.folder_run("lf-prune scene/frame-0001.exr -c scene/camera.json --pvr 2,2,20 --depth -5,5 -o support.lfv");
+    let call = "support.lfv -i scene/frame-0001.exr -c scene/camera.json --frame 1";
+    let flow = "--start before.csv --start-field scene/flow.exr";
+    let said = bench.done(&format!("{call} {flow} --particles led.csv --log led.jsonl"));
+    assert!(said.stderr.is_empty(), "{}", said.stderr);
+    let truth: Vec<Particle> = truth.into_iter().filter(|particle| particle.frame == 1).collect();
+    let found = table(&bench, "led.csv");
+    let share = matched(&truth, &found).len() as f64 / truth.len() as f64;
+    assert!(share >= 0.96 && found.len() as f64 <= 1.04 * truth.len() as f64, "{share}, {}", found.len());
+    let added = bench.text("led.jsonl").lines().find(|line| line.contains("what is left")).map(str::to_owned);
+    let added: serde_json::Value = serde_json::from_str(&added.unwrap()).unwrap();
+    assert!(added["added"].as_u64().unwrap() as usize >= truth.len() / 12, "{added}");
+
+    let said = bench.done(&format!("{call} --start before.csv --particles lost.csv"));
+    assert!(said.stderr.contains("the particles of --start are not those of this image"), "{}", said.stderr);
+    bench.done(&format!("{call} --particles anew.csv"));
+    assert!(bench.bytes("lost.csv") == bench.bytes("anew.csv"));
+    // The table of all frames has those of the frame before, and none before the first.
+    bench.done(&format!("{call} --start scene/particles.csv --start-field scene/flow.exr --particles both.csv"));
+    let first = "support.lfv -i scene/frame-0001.exr -c scene/camera.json --start scene/particles.csv";
+    bench.refused(first, &["particles.csv: holds frames 0 to 1; wanted particles of the frame before --frame"]);
+}

@@ -1,9 +1,11 @@
 //! A camera as the fit gets it.
 
+use crate::cameras::view::depths_mm;
 use crate::particle::Particle;
 use crate::start::first;
 use lf_core::image::Frame;
 use lf_core::{Camera, Refusal, Volume};
+use ndarray::ArrayView2;
 
 /// A camera, its image, and the volume made from that image in the camera's own frame.
 pub struct CameraInput {
@@ -15,6 +17,8 @@ pub struct CameraInput {
     pub volume: Volume,
     /// The first particles. The scale of their light is free.
     pub(crate) first: Vec<Particle>,
+    /// Whether they were given. Then others are looked for in what a fit of them leaves.
+    pub(crate) is_given: bool,
 }
 
 impl CameraInput {
@@ -22,7 +26,20 @@ impl CameraInput {
     /// `done` gets the number of sweeps just finished.
     pub fn new(camera: Camera, image: Frame, volume: Volume, done: impl Fn(u64)) -> Result<Self, Refusal> {
         let first = first::particles(&camera, image.pixels.view(), &volume, done)?;
-        Ok(Self { camera, image, volume, first })
+        Ok(Self { camera, image, volume, first, is_given: false })
+    }
+
+    /// Takes first particles in the frame of the camera, such as those of the moment before. Those beyond the depths of
+    /// the volume are left out.
+    pub fn given(camera: Camera, image: Frame, volume: Volume, mut first: Vec<Particle>) -> Self {
+        let [low, high] = depths_mm(&camera, volume.grid());
+        first.retain(|particle| (low..=high).contains(&particle.place_mm[2]));
+        Self { camera, image, volume, first, is_given: true }
+    }
+
+    /// Particles in an image that a fit has left. They come as those of [`CameraInput::new`].
+    pub(crate) fn left(&self, image: ArrayView2<f32>) -> Result<Vec<Particle>, Refusal> {
+        first::particles(&self.camera, image, &self.volume, |_| ())
     }
 
     /// Number of sweeps of [`CameraInput::new`], and their bytes.

@@ -28,7 +28,8 @@ fn run(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
     let (inputs, first_bytes) = inputs::start(files, arguments, session)?;
     let volume_name = |n: usize| io::name(&arguments.volume[n]);
     let bytes = fit::estimated_bytes(&inputs, &options).map_err(|(n, refusal)| refusal.about(volume_name(n)))?;
-    let bytes = bytes.max(first_bytes);
+    // Particles that are given leave the rest to sweeps in the middle of the fit.
+    let bytes = if arguments.start.is_some() { bytes + first_bytes } else { bytes.max(first_bytes) };
     let voxels: usize = inputs.iter().map(|input| input.volume.count()).sum();
     if arguments.estimate {
         session.print_estimate(bytes, &[("voxels", voxels as u64)], &[])?;
@@ -54,9 +55,10 @@ fn outputs(arguments: &Arguments) -> Vec<&Path> {
 
 /// Refuses outputs that overwrite inputs or each other, or that cannot be written.
 fn check_files(arguments: &Arguments, session: &Session) -> Result<()> {
-    let Arguments { volume, image, camera, background, mask, .. } = arguments;
+    let Arguments { volume, image, camera, background, mask, start, start_field, .. } = arguments;
     let inputs: Vec<&Path> =
         [volume, image, camera, background, mask].into_iter().flatten().map(|path| path.as_path()).collect();
+    let inputs: Vec<&Path> = inputs.into_iter().chain(start.as_deref()).chain(start_field.as_deref()).collect();
     let outputs = outputs(arguments);
     if outputs.iter().filter(|output| io::is_standard(output)).count() > 1 {
         return Err(Error::new("standard output", "asked for more than once", "wanted --particles FILE"));
@@ -135,9 +137,15 @@ fn statistics(view: &CameraView) -> Value {
 
 /// Warns of a model that does not explain the image.
 fn warn_of_model(found: &Fit, session: &mut Session) {
-    let Fit { misfit, residual, excess, doubts: Doubts { misfit_sharp, is_stopped }, .. } = *found;
+    let Fit { misfit, residual, excess, doubts: Doubts { misfit_sharp, is_stopped, missing }, .. } = *found;
     let CameraView { shape, camera, shape_std_px, .. } = found.cameras[0];
     let corrected = shape.corrections(camera, shape_std_px);
+    if let Some(missing) = missing {
+        session.warn(format!(
+            "the particles of --start are not those of this image: {missing} others were beside them; the fit began anew \
+             without them; check that they are of the frame before, and --start-field"
+        ));
+    }
     if let (Some(before), Some(sigma_px)) = (misfit_sharp, shape.blur_px) {
         session.warn(format!(
             "the image is blurred and camera.json does not say so: chi2 was {before:.2}; fitted with diffraction of green light \
