@@ -213,10 +213,10 @@ targets := $(wildcard $(DOTS) $(DOTS:%=%/*))
 $(OUT)/camera-volume.json: $(lattice) $(targets) | $(LOG)
 	$(call step,$(CALIB) volume $(DOTS) $(DOTS_FLAGS) -c $< $(colour))
 
-drifting = $(call each,file-of,$(REFINE)) $(call background-of,$(firstword $(REFINE)))
+drifting = $(call each,file-of,$(REFINE)) $(call background-of,$(firstword $(REFINE))) $(MASK)
 $(OUT)/camera-refine.json: $(lens) $$(drifting) | $(LOG)
 	$(call step,$(CALIB) refine $(call each,frame-of,$(REFINE)) -c $< --depth $(DEPTH) \
-	    $(call subtract,$(firstword $(REFINE))) $(colour))
+	    $(call subtract,$(firstword $(REFINE))) $(hidden) $(colour))
 
 $(CAMERA): $(drift) | $(LOG)
 	@cp $< $@.$$$$ && mv $@.$$$$ $@

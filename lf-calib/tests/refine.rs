@@ -38,6 +38,24 @@ fn a_drift_of_two_pixels_is_taken_away() {
     assert_eq!(same.camera.microlenses, truth.microlenses);
 }
 
+/// A wall along one side of the frames: masked pixels say nothing, and unmasked ones look like particles.
+#[test]
+fn a_masked_reflection_leaves_the_drift_as_it_is() {
+    let truth = points::camera(70);
+    let mut drifted = truth.clone();
+    drifted.microlenses.offset_mm = [0.0077, -0.0077];
+    let left_px = |wall: f32| {
+        let mut frames = frames(&truth, 24);
+        frames.iter_mut().for_each(|frame| frame.slice_mut(ndarray::s![.., ..200]).fill(wall));
+        let found = refine(&frames, &drifted, [-4.5, 4.5], &|_| ());
+        found.map(|found| found.camera.microlenses.offset_mm.map(|offset| offset / 0.0055))
+    };
+    let masked = left_px(f32::NAN).unwrap();
+    assert!(masked.iter().all(|left| left.abs() < 0.06), "{masked:?} px");
+    let bare = left_px(1e5);
+    assert!(bare.as_ref().map_or(true, |bare| bare.iter().any(|left| left.abs() > 0.06)), "{bare:?} px");
+}
+
 #[test]
 fn too_few_particles_are_refused() {
     let truth = points::camera(70);

@@ -268,6 +268,9 @@ pub struct RefineArguments {
     /// Background image, subtracted from each frame
     #[arg(short, long, value_name = "FILE")]
     pub background: Option<PathBuf>,
+    /// Image of the frames' size that is 0 where a wall or a reflection is: such pixels say nothing
+    #[arg(long, value_name = "FILE")]
+    pub mask: Option<PathBuf>,
     #[command(flatten)]
     pub reading: ImageOptions,
     /// Corrected camera.json, - for standard output

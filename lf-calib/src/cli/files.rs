@@ -44,15 +44,14 @@ pub fn save_found(
     session.phase("write", |_| io::save_text(output, |out| out.write_all(camera.to_json().as_bytes())))
 }
 
-/// Frames of a camera's size, minus a background, divided by the camera's flat field. Blind pixels are NaN.
+/// Frames of a camera's size, minus a background, divided by the camera's flat field. Blind and masked pixels are NaN.
 pub fn frames<'a>(
     paths: impl IntoIterator<Item = &'a PathBuf>,
-    background: Option<&Path>,
+    files: FrameFiles,
     camera: &Camera,
     camera_file: &Path,
     channel: Option<Channel>,
 ) -> Result<Vec<Array2<f32>>> {
-    let files = FrameFiles { background, mask: None };
     let frame = |path| image::open_frame(path, files, camera, camera_file, channel);
     paths.into_iter().map(|path| Ok(frame(path)?.pixels)).collect()
 }

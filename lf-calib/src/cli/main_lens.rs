@@ -2,7 +2,7 @@
 
 use super::{arguments::VolumeArguments, files::frames, files::save_found, target_images::Target};
 use lf_calib::{Exposure, MainLensFit, closer_dots_mm, fit_warnings, main_lens_steps, setup_mistake};
-use lf_core::image::{self, Channel};
+use lf_core::image::{self, Channel, FrameFiles};
 use lf_core::{Camera, Error, Result, Session, Verdict, io, weights::check_depth_mm};
 use ndarray::Array2;
 use std::path::{Path, PathBuf};
@@ -26,7 +26,7 @@ pub fn main_lens(arguments: &VolumeArguments, session: &mut Session) -> Result<V
                 Error::new("the target", refusal.found, "wanted depths in front of the main lens")
             })?;
         }
-        let counts = frames(images, None, &nominal, camera, channel)?;
+        let counts = frames(images, FrameFiles::default(), &nominal, camera, channel)?;
         for (file, frame) in images.iter().zip(&counts) {
             warnings.extend(clipping(file, frame, &nominal, channel)?);
         }

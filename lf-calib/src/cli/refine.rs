@@ -2,25 +2,29 @@
 
 use super::{arguments::RefineArguments, files::frames, files::save_found};
 use lf_calib::{Refined, refine_steps};
-use lf_core::{Camera, Error, Result, Session, Verdict, image, io, weights::check_depth_mm};
+use lf_core::image::{self, FrameFiles};
+use lf_core::{Camera, Error, Result, Session, Verdict, io, weights::check_depth_mm};
 use std::path::Path;
 
 pub fn refine(arguments: &RefineArguments, session: &mut Session) -> Result<Verdict> {
-    let RefineArguments { camera, depth, background, reading, output, .. } = arguments;
+    let RefineArguments { camera, depth, background, mask, reading, output, .. } = arguments;
     let files = &image::frames(&arguments.frames);
-    let background = background.as_deref();
+    let (background, mask) = (background.as_deref(), mask.as_deref());
     let inputs: Vec<&Path> =
-        files.iter().map(|file| file.as_path()).chain(background).chain([camera.as_path()]).collect();
+        files.iter().map(|file| file.as_path()).chain(background).chain(mask).chain([camera.as_path()]).collect();
     session.keep_apart(output, &inputs)?;
     io::check_place(output)?;
     let nominal = Camera::open(camera)?;
     session.explain(format!("camera: {}", nominal.about()));
     check_depths(*depth, &nominal)?;
-    if files.len() > 1 && background.is_some_and(io::is_standard) {
-        let found = "standard input, for several frames";
-        return Err(Error::new("--background", found, "wanted a file, which can be read again"));
+    for (option, file) in [("--background", background), ("--mask", mask)] {
+        if files.len() > 1 && file.is_some_and(io::is_standard) {
+            let found = "standard input, for several frames";
+            return Err(Error::new(option, found, "wanted a file, which can be read again"));
+        }
     }
-    let images = session.phase("read", |_| frames(files, background, &nominal, camera, reading.channel))?;
+    let beside = FrameFiles { background, mask };
+    let images = session.phase("read", |_| frames(files, beside, &nominal, camera, reading.channel))?;
     let subject = match files.as_slice() {
         [frame] => io::name(frame),
         _ => format!("{} frames", files.len()),
