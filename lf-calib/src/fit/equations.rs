@@ -32,6 +32,7 @@ pub(crate) struct Observation {
 }
 
 /// Normal equations of one source: weighted sums of derivative times derivative and of derivative times residual.
+#[derive(Clone)]
 pub(crate) struct SourceEquations {
     pub normal: DMatrix<f64>,
     pub right: DVector<f64>,
@@ -44,6 +45,8 @@ pub(crate) struct NormalEquations {
     pub deviation: f64,
     /// Right sides that sampling errors alone would give, for each image and wave.
     pub sampling: Vec<DVector<f64>>,
+    /// What is known of the parameters beforehand. The jackknife never leaves it out.
+    prior: SourceEquations,
 }
 
 pub(crate) struct ParameterEstimate {
@@ -96,31 +99,40 @@ impl NormalEquations {
             })
             .collect();
         let deviation = (squares / (count - size as f64).max(1.0)).sqrt();
-        Self { parameters: parameters.to_vec(), sources, deviation, sampling }
+        let prior = SourceEquations { normal: DMatrix::zeros(size, size), right: DVector::zeros(size) };
+        Self { parameters: parameters.to_vec(), sources, deviation, sampling, prior }
+    }
+
+    /// Adds what is known beforehand: `known` gives the step that leads a parameter there, and a standard deviation.
+    pub fn with_prior(mut self, known: impl Fn(Parameter) -> Option<(f64, f64)>) -> Self {
+        for (n, parameter) in self.parameters.iter().enumerate() {
+            let Some((step, std)) = known(*parameter) else { continue };
+            // Covariances are in squares of this deviation.
+            let weight = (self.deviation / std).powi(2);
+            self.prior.normal[(n, n)] += weight;
+            self.prior.right[n] += weight * step;
+        }
+        self
     }
 
     /// The equations for some of the parameters; the others stay fixed.
     pub fn columns(&self, parameters: &[Parameter]) -> Self {
         let columns: Vec<usize> =
             parameters.iter().filter_map(|p| self.parameters.iter().position(|known| known == p)).collect();
-        let sources = self
-            .sources
-            .iter()
-            .map(|source| SourceEquations {
-                normal: source.normal.select_columns(&columns).select_rows(&columns),
-                right: source.right.select_rows(&columns),
-            })
-            .collect();
+        let some = |source: &SourceEquations| SourceEquations {
+            normal: source.normal.select_columns(&columns).select_rows(&columns),
+            right: source.right.select_rows(&columns),
+        };
+        let sources = self.sources.iter().map(some).collect();
         let parameters = columns.iter().map(|&column| self.parameters[column]).collect();
         let sampling = self.sampling.iter().map(|right| right.select_rows(&columns)).collect();
-        Self { parameters, sources, deviation: self.deviation, sampling }
+        Self { parameters, sources, deviation: self.deviation, sampling, prior: some(&self.prior) }
     }
 
     /// Solves the equations. None if some parameters cannot be separated.
     pub fn solve(&self) -> Option<ParameterEstimate> {
         let size = self.parameters.len();
-        let mut normal = DMatrix::<f64>::zeros(size, size);
-        let mut right = DVector::<f64>::zeros(size);
+        let SourceEquations { mut normal, mut right } = self.prior.clone();
         for source in &self.sources {
             normal += &source.normal;
             right += &source.right;

@@ -2,6 +2,11 @@
 
 use lf_core::Camera;
 
+/// Largest change of a length that a careful data sheet needs: three standard deviations.
+pub(crate) const LARGEST_CHANGE: f64 = 0.08;
+/// Standard deviation of the distance of an exit pupil, which data sheets hardly give, as a share of it.
+const PUPIL_STD: f64 = 0.3;
+
 macro_rules! parameters {
     ($($variant:ident $name:literal,)*) => {
         /// A number of the camera or of the target's pose. `Lattice` ones move the images; turns are from x to y.
@@ -69,6 +74,17 @@ impl Parameter {
             name if name.ends_with("_rad") => "rad",
             name if name.ends_with("_px") => "px",
             _ => "1",
+        }
+    }
+
+    /// Standard deviation of what a careful data sheet says. None if none says it.
+    pub fn sheet_std(self, camera: &Camera) -> Option<f64> {
+        match self {
+            Self::FocalLength => Some(LARGEST_CHANGE / 3.0 * camera.main_lens.focal_length_mm),
+            Self::Gap => Some(LARGEST_CHANGE / 3.0 * camera.gap_mm()),
+            Self::Pupil => Some(PUPIL_STD * camera.pupil_distance_mm()),
+            Self::Vergence => Some(PUPIL_STD / camera.image_distance_mm()),
+            _ => None,
         }
     }
 

@@ -31,6 +31,8 @@ pub(crate) struct Bundle<'a> {
     pub nominal: &'a Camera,
     pub sightings: &'a [DotSighting],
     pub dots: usize,
+    /// Whether what the data sheets say of lengths counts beside the sub-images.
+    pub has_prior: bool,
 }
 
 pub(crate) struct BundleFit {
@@ -72,6 +74,13 @@ impl Bundle<'_> {
             by_dot[sighting.dot].extend(observations);
         }
         by_dot
+    }
+
+    /// Normal equations about some changes; with the data sheets, if they count.
+    pub fn equations(&self, changes: &Changes, parameters: &[Parameter]) -> NormalEquations {
+        let equations = NormalEquations::new(parameters, &self.observations(changes, parameters));
+        let known = |parameter: Parameter| Some((-changes.get(parameter), parameter.sheet_std(self.nominal)?));
+        if self.has_prior { equations.with_prior(known) } else { equations }
     }
 
     /// Median distance of the sub-images from their predictions, in their uncertainties, as a standard deviation.
@@ -117,7 +126,7 @@ impl Bundle<'_> {
         let mut changes = *from;
         let mut scatter = self.scatter(&changes);
         for _ in 0..STEPS {
-            let estimate = NormalEquations::new(parameters, &self.observations(&changes, parameters)).solve()?;
+            let estimate = self.equations(&changes, parameters).solve()?;
             let (moved, next) = (0..HALVINGS).find_map(|halving| {
                 let mut moved = changes;
                 for (parameter, step) in parameters.iter().zip(&estimate.step) {
@@ -133,7 +142,7 @@ impl Bundle<'_> {
                 break;
             }
         }
-        let equations = NormalEquations::new(parameters, &self.observations(&changes, parameters));
+        let equations = self.equations(&changes, parameters);
         let estimate = equations.solve()?;
         let misfit = self.misfit(&changes);
         Some(BundleFit { parameters: parameters.to_vec(), changes, estimate, misfit })

@@ -4,12 +4,14 @@
 //! 2. Locate each dot from its sub-images, and fit the camera to all of them (bundle adjustment).
 //! 3. Read the sub-images again where the fitted camera predicts them, and fit again.
 //! 4. Select the parameters that the data require.
+//! 5. If lengths come out far from the data sheets, do 2 to 4 again with what these say counted beside the dots. A long
+//!    lens that aberrates can look like a short one; the camera near the data sheets is taken if it fits as well.
 
-use super::bundle::{Bundle, BundleFit, DotSighting};
+use super::bundle::{Bundle, BundleFit, BundleMisfit, DotSighting};
 use super::exposure::{Exposure, numbers_by_id};
 use super::first_detection::{TargetImage, detect_again, first_detections};
-use super::selection::{ParameterGroup, select};
-use super::{report::MainLensFit, report::report};
+use super::selection::{GroupResult, ParameterGroup, select};
+use super::{report::MainLensFit, report::report, warnings::far_lengths};
 use crate::points::locate::{NARROWEST, nearest_depths_mm, width_in_lenslets};
 use crate::{fit::changes::Changes, fit::parameter::Parameter as P};
 use glam::{DVec2, DVec3};
@@ -26,6 +28,10 @@ const READINGS: usize = 2;
 pub(super) const LARGEST_RMS_PX: f64 = 0.3;
 /// Smallest share of the sub-images that must follow the fit.
 pub(super) const LEAST_FOLLOWING: f64 = 0.5;
+
+/// A camera explains the dots as well if its residual is larger by at most this factor. A model errs behind a thick lens,
+/// and a camera far from the truth makes up for a part of that.
+const AS_WELL: f64 = 1.02;
 
 /// Always free: the pose of the target (the first six) and the magnification.
 pub(super) const ALWAYS: [P; 7] =
@@ -51,14 +57,11 @@ pub fn main_lens(
     let groups = groups(nominal);
     let usable = search.usable(&Optics::new(nominal)).map_err(|refusal| (None, refusal))?;
     let (sightings, start) = search.first_detections(&usable)?;
-    let first = search.first_fit(&sightings, &groups, &start).ok_or_else(unsolved)?;
-    let (readings, changes) = search.detect_again(&first).ok_or_else(unsolved)?;
-
-    let sightings = thinned(&readings.concat());
-    let bundle = search.bundle(&sightings);
-    let (fit, results) = select(&bundle, &ALWAYS, &groups, &changes).ok_or_else(unsolved)?;
+    let (found, doubt) = search.two_ways(&sightings, &groups, &start).ok_or_else(unsolved)?;
+    let FoundCamera { readings, sightings, fit, results } = found;
+    let bundle = search.bundle(&sightings, false);
     let misfit = fit.misfit;
-    if misfit.rms_px > LARGEST_RMS_PX || (misfit.kept as f64) < LEAST_FOLLOWING * misfit.sub_images as f64 {
+    if !follows(&misfit) {
         let found =
             format!("{} of {} sub-images follow a camera, {:.2} px RMS", misfit.kept, misfit.sub_images, misfit.rms_px);
         let wanted = format!("wanted at least {:.0} %, within {LARGEST_RMS_PX} px", 100.0 * LEAST_FOLLOWING);
@@ -70,7 +73,7 @@ pub fn main_lens(
     let mut against_mm: Vec<f64> =
         usable.into_iter().filter(|&n| following[n] < LEAST_FOLLOWING).map(|n| exposures[n].depth_mm()).collect();
     against_mm.sort_by(f64::total_cmp);
-    Ok(MainLensFit { against_mm, ..report(nominal, &fit, &results, pose_only, used, &sightings, exposures) })
+    Ok(MainLensFit { against_mm, doubt, ..report(nominal, &fit, &results, pose_only, used, &sightings, exposures) })
 }
 
 /// Groups of parameters that may be free. With a white image the positions of the lenslets are known. Without one, a
@@ -117,6 +120,19 @@ fn unsolved() -> ImageRefusal {
     (None, Refusal::new("no camera shows the dots where they are seen", wanted))
 }
 
+/// Whether the sub-images follow a camera.
+fn follows(misfit: &BundleMisfit) -> bool {
+    misfit.rms_px <= LARGEST_RMS_PX && misfit.kept as f64 >= LEAST_FOLLOWING * misfit.sub_images as f64
+}
+
+/// A camera that was found: the last reading of each image, those sub-images of it that were fitted, and the fit.
+struct FoundCamera {
+    readings: Vec<Vec<DotSighting>>,
+    sightings: Vec<DotSighting>,
+    fit: BundleFit,
+    results: Vec<GroupResult>,
+}
+
 struct TargetSearch<'a> {
     exposures: &'a [Exposure],
     nominal: &'a Camera,
@@ -125,8 +141,8 @@ struct TargetSearch<'a> {
 }
 
 impl TargetSearch<'_> {
-    fn bundle<'a>(&'a self, sightings: &'a [DotSighting]) -> Bundle<'a> {
-        Bundle { nominal: self.nominal, sightings, dots: self.ids.len() }
+    fn bundle<'a>(&'a self, sightings: &'a [DotSighting], has_prior: bool) -> Bundle<'a> {
+        Bundle { nominal: self.nominal, sightings, dots: self.ids.len(), has_prior }
     }
 
     /// Finds the target in every usable image. Returns the dots seen, and the start of the fit.
@@ -162,30 +178,76 @@ impl TargetSearch<'_> {
         Ok(used)
     }
 
+    /// The camera that the images alone have. If that is in doubt, the one near the data sheets if it explains the dots as
+    /// well, and the doubt.
+    fn two_ways(
+        &self,
+        sightings: &[DotSighting],
+        groups: &[ParameterGroup],
+        start: &Changes,
+    ) -> Option<(FoundCamera, Option<String>)> {
+        let alone = self.found(sightings, groups, start, false);
+        let doubt = |found: &FoundCamera| match far_lengths(&found.fit.changes.camera(self.nominal), self.nominal) {
+            far if far.is_empty() => (!follows(&found.fit.misfit)).then(|| "the dots follow no camera".to_owned()),
+            far => Some(far.join(", ")),
+        };
+        let Some(in_doubt) = alone.as_ref().map_or(Some("no camera fits".to_owned()), doubt) else {
+            return alone.map(|alone| (alone, None));
+        };
+        let held = self.found(sightings, groups, start, true).filter(|held| doubt(held).is_none());
+        let as_well = |held: &FoundCamera| {
+            let Some(alone) = alone.as_ref().filter(|alone| follows(&alone.fit.misfit)) else { return true };
+            let [one, other] = [alone, held].map(|of| self.bundle(&alone.sightings, false).misfit(&of.fit.changes));
+            other.rms_px <= AS_WELL * one.rms_px && AS_WELL * other.kept as f64 >= one.kept as f64
+        };
+        match held.filter(as_well) {
+            Some(held) => Some((held, Some(in_doubt))),
+            None => alone.map(|alone| (alone, None)),
+        }
+    }
+
+    /// Finds the camera from the first reading. With a prior, parameters of which the data sheets say something are
+    /// always free.
+    fn found(
+        &self,
+        sightings: &[DotSighting],
+        groups: &[ParameterGroup],
+        start: &Changes,
+        has_prior: bool,
+    ) -> Option<FoundCamera> {
+        let is_known = |group: &ParameterGroup| has_prior && group.parameters[0].sheet_std(self.nominal).is_some();
+        let (known, groups): (Vec<_>, Vec<_>) = groups.iter().copied().partition(is_known);
+        let always: Vec<P> = ALWAYS.iter().chain(known.iter().flat_map(|group| group.parameters)).copied().collect();
+        let first = Self::first_fit(&self.bundle(&thinned(sightings), has_prior), &always, &groups, start)?;
+        let (readings, changes) = self.detect_again(&first, has_prior)?;
+        let sightings = thinned(&readings.concat());
+        let (fit, results) = select(&self.bundle(&sightings, has_prior), &always, &groups, &changes)?;
+        Some(FoundCamera { readings, sightings, fit, results })
+    }
+
     /// Fits all parameters that are free at the start; if that fails, the ones that a selection finds.
-    fn first_fit(&self, sightings: &[DotSighting], groups: &[ParameterGroup], start: &Changes) -> Option<BundleFit> {
-        let thinned = thinned(sightings);
-        let bundle = self.bundle(&thinned);
+    fn first_fit(bundle: &Bundle, always: &[P], groups: &[ParameterGroup], start: &Changes) -> Option<BundleFit> {
         let first = groups.iter().filter(|group| group.is_first).flat_map(|group| group.parameters);
-        let free: Vec<P> = ALWAYS.iter().chain(first).copied().collect();
-        bundle.fit(&free, start).or_else(|| select(&bundle, &ALWAYS, groups, start).map(|(fit, _)| fit))
+        let free: Vec<P> = always.iter().chain(first).copied().collect();
+        bundle.fit(&free, start).or_else(|| select(bundle, always, groups, start).map(|(fit, _)| fit))
     }
 
     /// Reads the sub-images where the fitted camera predicts them, and fits again, [`READINGS`] times. Images too near
     /// to focus before take part: some of their lenslets may be lit as a whole. Returns the last reading of each image.
-    fn detect_again(&self, first: &BundleFit) -> Option<(Vec<Vec<DotSighting>>, Changes)> {
+    fn detect_again(&self, first: &BundleFit, has_prior: bool) -> Option<(Vec<Vec<DotSighting>>, Changes)> {
         let mut changes = first.changes;
         let mut readings = Vec::new();
         for _ in 0..READINGS {
             let (optics, pose) = (Optics::new(&changes.camera(self.nominal)), changes.pose());
             let read = |n| {
                 let seen = detect_again(self.image(n, &optics), &pose);
-                (self.watch)(1);
+                // Readings of the second way are not announced.
+                (self.watch)(u64::from(!has_prior));
                 seen
             };
             readings = (0..self.exposures.len()).map(read).collect::<Vec<_>>();
             let sightings = thinned(&readings.concat());
-            changes = self.bundle(&sightings).fit(&first.parameters, &changes)?.changes;
+            changes = self.bundle(&sightings, has_prior).fit(&first.parameters, &changes)?.changes;
         }
         Some((readings, changes))
     }

@@ -17,6 +17,8 @@ pub struct MainLensFit {
     pub used: Vec<usize>,
     /// Depths, mm, of images out of focus most of whose sub-images are not where the camera has them.
     pub against_mm: Vec<f64>,
+    /// What is wrong with the camera by the images alone, if the data sheets decided beside them.
+    pub doubt: Option<String>,
     /// Names of the parameters that the data required, besides the pose and the magnification.
     pub selected: Vec<&'static str>,
     /// Pairs of parameters that can hardly be separated: the size of their correlation is above 0.95.
@@ -71,6 +73,7 @@ pub(crate) fn report(
         camera,
         used,
         against_mm: Vec::new(),
+        doubt: None,
         selected: selected.map(|parameter| parameter.name()).collect(),
         correlated,
         dots: dots.len(),

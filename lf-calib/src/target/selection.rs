@@ -6,7 +6,7 @@
 //! what neither the scatter of independent sub-images, nor that from dot to dot, nor sampling explains by chance.
 
 use super::bundle::{Bundle, BundleFit};
-use crate::{fit::changes::Changes, fit::equations::NormalEquations, fit::parameter::Parameter};
+use crate::{fit::changes::Changes, fit::parameter::Parameter};
 
 /// Evidence that one more parameter needs, in squared standard deviations: 4.5 deviations. One that is there and left
 /// out does more harm than one too many, because others take its place: at five deviations a spherical aberration of
@@ -104,7 +104,7 @@ fn leads(free: &[ParameterGroup], group: &ParameterGroup) -> bool {
 fn evaluate(bundle: &Bundle, fit: &BundleFit, free: &[ParameterGroup], groups: &[ParameterGroup]) -> Vec<GroupResult> {
     let others = groups.iter().filter(|group| !free.contains(group)).flat_map(|group| group.parameters);
     let every: Vec<Parameter> = fit.parameters.iter().chain(others).copied().collect();
-    let equations = NormalEquations::new(&every, &bundle.observations(&fit.changes, &every));
+    let equations = bundle.equations(&fit.changes, &every);
     let evaluate_group = |group: &ParameterGroup| {
         let is_free = free.contains(group);
         let extra = group.parameters.iter().filter(|_| !is_free);

@@ -3,6 +3,7 @@
 use super::exposure::Exposure;
 use super::recognise::spacing_mm;
 use super::report::MainLensFit;
+use crate::fit::parameter::LARGEST_CHANGE;
 use crate::points::refocus::refocus;
 use glam::DVec2;
 use lf_core::{Camera, Optics};
@@ -11,8 +12,6 @@ use lf_core::{Camera, Optics};
 /// reconstruction.
 const DOUBTFUL_TIMES: f64 = 2.0;
 const DOUBTFUL_PX: f64 = 0.03;
-/// Largest change of a length that a careful data sheet needs.
-const LARGEST_CHANGE: f64 = 0.08;
 /// Peaks of light are closer than dots below this ratio.
 const CLOSER: f64 = 0.75;
 /// Smallest number of peaks that shows a spacing, and cells of the refocused image per spacing.
@@ -38,22 +37,33 @@ pub fn fit_warnings(found: &MainLensFit, nominal: &Camera) -> Vec<String> {
             depths.join(", ")
         ));
     }
-    let camera = &found.camera;
-    for (name, value, stated) in [
+    let checks = "check the depths, the spacing of the dots, the liquid and the data sheets";
+    if let Some(doubt) = &found.doubt {
+        warnings.push(format!(
+            "by the images alone {doubt}; a camera near its data sheets, which is taken, shows the dots as well: {checks}"
+        ));
+    }
+    for far in far_lengths(&found.camera, nominal) {
+        warnings.push(format!("{far}: {checks}"));
+    }
+    warnings
+}
+
+/// Lengths of a camera that are farther from the data sheets than careful ones are from the truth.
+pub(super) fn far_lengths(camera: &Camera, nominal: &Camera) -> Vec<String> {
+    let lengths = [
         ("gap_mm", camera.gap_mm(), nominal.gap_mm()),
         ("focal_length_mm", camera.main_lens.focal_length_mm, nominal.main_lens.focal_length_mm),
         ("magnification", camera.main_lens.magnification, nominal.main_lens.magnification),
-    ] {
-        let change = value / stated - 1.0;
-        if change.abs() > LARGEST_CHANGE {
-            warnings.push(format!(
-                "{name} was found to be {value:.4}, {:+.0} % from the {stated:.4} stated: check the depths, the spacing of the \
-                 dots, the liquid and the data sheets",
-                100.0 * change
-            ));
-        }
-    }
-    warnings
+    ];
+    let far = lengths.into_iter().filter(|(_, value, stated)| (value / stated - 1.0).abs() > LARGEST_CHANGE);
+    let text = |(name, value, stated): (&str, f64, f64)| {
+        format!(
+            "{name} was found to be {value:.4}, {:+.0} % from the {stated:.4} stated",
+            100.0 * (value / stated - 1.0)
+        )
+    };
+    far.map(text).collect()
 }
 
 /// Distance between the dots that the images show, and that stated, mm, if they are clearly closer than stated. Looks
