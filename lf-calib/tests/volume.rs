@@ -2,7 +2,7 @@
 
 use crate::scenes::{self, points};
 use glam::DVec3;
-use lf_calib::{Dot, Exposure, main_lens};
+use lf_calib::{Dot, Exposure, fit_warnings, main_lens};
 use lf_core::camera::{Aberrations, Camera, Distortion};
 use ndarray::Array2;
 
@@ -11,7 +11,11 @@ const LENSLETS: usize = 60;
 
 /// Images, taken by `truth`, of a target displaced by `offset` from its table.
 fn exposures(truth: &Camera, offset: DVec3) -> Vec<Exposure> {
-    DEPTHS_MM
+    exposures_at(&DEPTHS_MM, truth, offset)
+}
+
+fn exposures_at(depths_mm: &[f64], truth: &Camera, offset: DVec3) -> Vec<Exposure> {
+    depths_mm
         .iter()
         .map(|&z| {
             let dots = points::grid(5, 0.83, z);
@@ -77,6 +81,22 @@ fn an_exit_pupil_that_is_not_the_thin_lens_is_found() {
     assert!((value - 150.0).abs() < 4.0 * uncertainty, "{value} +- {uncertainty}");
     assert_eq!(found.camera.main_lens.pupil_distance_mm, Some(*value));
     assert!(scenes::farthest_px(&found.camera, &truth) < 0.1);
+}
+
+/// By the images alone a shorter lens is as good as a farther pupil, and the focal length is 36 stated uncertainties from
+/// the truth. The data sheet decides.
+#[test]
+fn a_focal_length_that_images_do_not_show_is_held_by_the_data_sheet() {
+    let truth = points::camera(LENSLETS);
+    let mut nominal = truth.clone();
+    nominal.main_lens.focal_length_mm *= 1.05;
+    let found = main_lens(&exposures_at(&[-2.6, 3.0], &truth, OFFSET), &nominal, &|_| ()).unwrap();
+    let (_, value, uncertainty) = found.values.iter().find(|(known, _, _)| *known == "focal_length_mm").unwrap();
+    let off = (value - truth.main_lens.focal_length_mm).abs() / uncertainty;
+    assert!(off < 3.0 && *uncertainty < 8.0, "{value} +- {uncertainty}");
+    let warnings = fit_warnings(&found, &nominal);
+    assert!(warnings[0].starts_with("by the images alone focal_length_mm was found to be"), "{warnings:?}");
+    assert!(found.rms_px[1] < 0.05, "{:?}", found.rms_px);
 }
 
 #[test]

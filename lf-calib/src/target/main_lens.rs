@@ -73,7 +73,8 @@ pub fn main_lens(
     let mut against_mm: Vec<f64> =
         usable.into_iter().filter(|&n| following[n] < LEAST_FOLLOWING).map(|n| exposures[n].depth_mm()).collect();
     against_mm.sort_by(f64::total_cmp);
-    Ok(MainLensFit { against_mm, doubt, ..report(nominal, &fit, &results, pose_only, used, &sightings, exposures) })
+    let report = report(nominal, &fit, &results, pose_only, used, &sightings, exposures);
+    Ok(MainLensFit { against_mm, ..report.with_doubt(doubt) })
 }
 
 /// Groups of parameters that may be free. With a white image the positions of the lenslets are known. Without one, a

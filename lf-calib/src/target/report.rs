@@ -33,6 +33,16 @@ pub struct MainLensFit {
     pub values: Vec<(&'static str, f64, f64)>,
 }
 
+impl MainLensFit {
+    /// With what is wrong with the camera by the images alone, also under `calibration.volume`.
+    pub(crate) fn with_doubt(mut self, doubt: Option<String>) -> Self {
+        if let (Some(doubt), Some(calibration)) = (&doubt, &mut self.camera.calibration) {
+            calibration["volume"]["by_images_alone"] = json!(doubt);
+        }
+        Self { doubt, ..self }
+    }
+}
+
 /// Reports a fit, also under `calibration.volume`. `pose_only` is the misfit with only the pose free.
 pub(crate) fn report(
     nominal: &Camera,
