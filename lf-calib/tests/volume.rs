@@ -83,8 +83,8 @@ fn an_exit_pupil_that_is_not_the_thin_lens_is_found() {
     assert!(scenes::farthest_px(&found.camera, &truth) < 0.1);
 }
 
-/// By the images alone a shorter lens is as good as a farther pupil, and the focal length is 36 stated uncertainties from
-/// the truth. The data sheet decides.
+/// By the images alone a shorter lens is as good as a farther pupil, and the focal length is 36 stated uncertainties
+/// from the truth. The data sheet decides.
 #[test]
 fn a_focal_length_that_images_do_not_show_is_held_by_the_data_sheet() {
     let truth = points::camera(LENSLETS);

@@ -45,7 +45,7 @@ pub(crate) struct NormalEquations {
     pub deviation: f64,
     /// Right sides that sampling errors alone would give, for each image and wave.
     pub sampling: Vec<DVector<f64>>,
-    /// What is known of the parameters beforehand. The jackknife never leaves it out.
+    /// Knowledge of the parameters from elsewhere. The jackknife never leaves it out.
     prior: SourceEquations,
 }
 

@@ -11,7 +11,7 @@ use super::bundle::{Bundle, BundleFit, BundleMisfit, DotSighting};
 use super::exposure::{Exposure, numbers_by_id};
 use super::first_detection::{TargetImage, detect_again, first_detections};
 use super::selection::{GroupResult, ParameterGroup, select};
-use super::{report::MainLensFit, report::report, warnings::far_lengths};
+use super::{report::MainLensFit, report::report, warnings::far_lengths, warnings::is_doubtful};
 use crate::points::locate::{NARROWEST, nearest_depths_mm, width_in_lenslets};
 use crate::{fit::changes::Changes, fit::parameter::Parameter as P};
 use glam::{DVec2, DVec3};
@@ -29,8 +29,8 @@ pub(super) const LARGEST_RMS_PX: f64 = 0.3;
 /// Smallest share of the sub-images that must follow the fit.
 pub(super) const LEAST_FOLLOWING: f64 = 0.5;
 
-/// A camera explains the dots as well if its residual is larger by at most this factor. A model errs behind a thick lens,
-/// and a camera far from the truth makes up for a part of that.
+/// A camera explains the dots as well if its residual is larger by at most this factor. A model errs behind a thick
+/// lens, and a camera far from the truth makes up for a part of that.
 const AS_WELL: f64 = 1.02;
 
 /// Always free: the pose of the target (the first six) and the magnification.
@@ -179,8 +179,8 @@ impl TargetSearch<'_> {
         Ok(used)
     }
 
-    /// The camera that the images alone have. If that is in doubt, the one near the data sheets if it explains the dots as
-    /// well, and the doubt.
+    /// The camera that the images alone have. If that is in doubt, the one near the data sheets if it explains the dots
+    /// as well, and the doubt.
     fn two_ways(
         &self,
         sightings: &[DotSighting],
@@ -195,7 +195,10 @@ impl TargetSearch<'_> {
         let Some(in_doubt) = alone.as_ref().map_or(Some("no camera fits".to_owned()), doubt) else {
             return alone.map(|alone| (alone, None));
         };
-        let held = self.found(sightings, groups, start, true).filter(|held| doubt(held).is_none());
+        let held = self.found(sightings, groups, start, true).filter(|held| {
+            let BundleMisfit { rms_px, expected_px, .. } = held.fit.misfit;
+            doubt(held).is_none() && !is_doubtful(rms_px, expected_px)
+        });
         let as_well = |held: &FoundCamera| {
             let Some(alone) = alone.as_ref().filter(|alone| follows(&alone.fit.misfit)) else { return true };
             let [one, other] = [alone, held].map(|of| self.bundle(&alone.sightings, false).misfit(&of.fit.changes));

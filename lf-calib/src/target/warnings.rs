@@ -22,7 +22,7 @@ const CELLS: f64 = 32.0;
 pub fn fit_warnings(found: &MainLensFit, nominal: &Camera) -> Vec<String> {
     let [_, rms, expected] = found.rms_px;
     let mut warnings = Vec::new();
-    if rms >= DOUBTFUL_TIMES * expected && rms >= DOUBTFUL_PX {
+    if is_doubtful(rms, expected) {
         warnings.push(format!(
             "the residual of {rms:.3} px is {:.1} times what the sub-images' noise explains: check for clipped or uneven dots, \
              wrong depths, and a thick window",
@@ -47,6 +47,11 @@ pub fn fit_warnings(found: &MainLensFit, nominal: &Camera) -> Vec<String> {
         warnings.push(format!("{far}: {checks}"));
     }
     warnings
+}
+
+/// Whether a residual shows that something is wrong.
+pub(super) fn is_doubtful(rms_px: f64, expected_px: f64) -> bool {
+    rms_px >= DOUBTFUL_TIMES * expected_px && rms_px >= DOUBTFUL_PX
 }
 
 /// Lengths of a camera that are farther from the data sheets than careful ones are from the truth.
