@@ -106,8 +106,10 @@ fn the_estimated_memory_is_the_memory_taken() {
     }
     for layout in ["square", "hexagonal"] {
         let layout = format!("camera.microlenses.layout={layout}");
-        let keys = [&layout, "truth=null", "frames=1", "particles.rays=3000", "particles.per_lenslet=2"];
-        folder.scene("demo", &keys);
+        let keys = [layout.as_str(), "truth=null", "frames=1", "particles.rays=3000", "particles.per_lenslet=2"];
+        let sides = ["camera.sensor.width=770", "camera.sensor.height=770"];
+        let bounds = ["volume.x_mm=[-1.6,1.6]", "volume.y_mm=[-1.6,1.6]"];
+        folder.scene("demo", &[&keys[..], &sides, &bounds].concat());
         folder.run("lf-synth frames scene.json -o . -q");
         let on_frame = "-i frame-0000.exr -c camera.json";
         let prune = "lf-prune frame-0000.exr -c camera.json --depth -5,5 --pvr 2,2,20 -o support.lfv";
@@ -147,8 +149,7 @@ fn the_memory_of_lf_fit_is_estimated() {
         folder.run("lf-synth dark scene.json -o dark.exr -q");
         let frame = "-c camera.json -b dark.exr -q";
         folder.run(&format!("lf-prune frame-0000.exr {frame} --depth -5,5 --pvr 2,2,20 -o support.lfv"));
-        folder.run(&format!("lf-mart support.lfv -i frame-0000.exr {frame} --iterations 3 -o volume.lfv"));
-        let fit = "lf-fit volume.lfv -i frame-0000.exr -c camera.json -b dark.exr --particles found.csv";
+        let fit = "lf-fit support.lfv -i frame-0000.exr -c camera.json -b dark.exr --particles found.csv";
         check_memory(&folder, true, &[1, 2], &[fit]);
     }
 }

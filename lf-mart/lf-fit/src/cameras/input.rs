@@ -30,10 +30,10 @@ impl CameraInput {
     }
 
     /// Takes first particles in the frame of the camera, such as those of the moment before. Those beyond the depths of
-    /// the volume are left out.
+    /// the volume and those without light are left out.
     pub fn given(camera: Camera, image: Frame, volume: Volume, mut first: Vec<Particle>) -> Self {
         let [low, high] = depths_mm(&camera, volume.grid());
-        first.retain(|particle| (low..=high).contains(&particle.place_mm[2]));
+        first.retain(|particle| particle.light > 0.0 && (low..=high).contains(&particle.place_mm[2]));
         Self { camera, image, volume, first, is_given: true }
     }
 
