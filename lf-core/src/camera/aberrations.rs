@@ -80,12 +80,13 @@ impl RayAberrations {
 }
 
 impl Camera {
-    /// Refuses aberrations that are not finite, and a kind that moves rays by more than a lenslet.
+    /// Refuses aberrations that are not finite, and a kind that moves rays by more than two lenslets: two doublets at
+    /// f/4 and a magnification of 0.5 move them by 1.2.
     pub(super) fn check_aberrations(&self) -> Result<(), Refusal> {
         let Some(terms) = self.aberrations else { return Ok(()) };
         let Aberrations { spherical_px, secondary_spherical_px, coma_px, coma_px_per_mm, .. } = terms;
-        let most_px = self.pitch_px();
-        let wanted = || format!("wanted at most a lenslet of {most_px:.2} px");
+        let most_px = 2.0 * self.pitch_px();
+        let wanted = || format!("wanted at most two lenslets, {most_px:.2} px");
         let check = |(key, px): (&str, f64)| {
             let key = format!("aberrations.{key}");
             finite(&key, &[px])?;
@@ -197,14 +198,14 @@ mod tests {
         assert_eq!(Camera::from_json(&camera.to_json()).unwrap(), camera);
         assert_eq!((camera.bends(), camera.has_bent_rays()), (Some("aberrations"), true));
         let with = |aberrations| Camera { aberrations: Some(aberrations), ..camera.clone() };
-        for (px, found) in [(f64::NAN, "aberrations.coma_px has the number NaN"), (-15.0, "aberrations.coma_px is -15")]
+        for (px, found) in [(f64::NAN, "aberrations.coma_px has the number NaN"), (-29.0, "aberrations.coma_px is -29")]
         {
             assert_eq!(with(Aberrations { coma_px: px, ..one }).check().unwrap_err().found, found);
         }
         // Terms that balance each other at the rim move rays half way to it.
         let balanced = |px: f64| Aberrations { spherical_px: -px, secondary_spherical_px: px, ..one };
-        with(balanced(30.0)).check().unwrap();
-        let found = with(balanced(100.0)).check().unwrap_err().found;
-        assert!(found.contains("moves rays by -18.6 px"), "{found}");
+        with(balanced(60.0)).check().unwrap();
+        let found = with(balanced(200.0)).check().unwrap_err().found;
+        assert!(found.contains("moves rays by -37.2 px"), "{found}");
     }
 }
