@@ -39,9 +39,9 @@ impl Sections {
         Ok(Self { centres_mm, traced })
     }
 
-    /// The sections that let light through in this image, by [`LIT_SHARE`], and the number of the others that are
-    /// surely closed. A smaller stop than the camera says, or a shadow in it, leaves sections dark for every voxel. So
-    /// do a few particles; these sections are not surely closed. If the image has no light, all count as lit.
+    /// The sections that let at least 0.4 of the usual light through in this image, and the number of the others that
+    /// are surely closed. A smaller stop than the camera says, or a shadow in it, leaves sections dark for every voxel.
+    /// So do a few particles; these sections are not surely closed. If the image has no light, all count as lit.
     pub fn lit(&self, image: ArrayView2<f32>, camera: &Camera, grid: &Grid) -> (Self, u32) {
         let tones = Tones::new(image);
         let StopLight { means, samples } = StopLight::new(image, camera, &tones, &self.traced_mm());

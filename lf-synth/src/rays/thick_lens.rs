@@ -150,7 +150,7 @@ impl ThickLens {
     }
 
     /// The camera as a data sheet describes it: a thin lens of the same focal length, with the exit pupil of this one.
-    /// Refuses what [`Self::check`] refuses.
+    /// Refuses a lens that does not focus, and one beside distortion or aberrations.
     pub fn camera(&self, camera: &Camera) -> Result<Camera, Refusal> {
         self.check(camera)?;
         let Paraxial { focal_mm, image_mm, exit_mm, .. } = self.paraxial(camera.main_lens.magnification);
