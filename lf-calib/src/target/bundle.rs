@@ -31,7 +31,7 @@ pub(crate) struct Bundle<'a> {
     pub nominal: &'a Camera,
     pub sightings: &'a [DotSighting],
     pub dots: usize,
-    /// Whether what the data sheets say of lengths counts beside the sub-images.
+    /// Whether the lengths of the data sheets count beside the sub-images.
     pub has_prior: bool,
 }
 
@@ -76,7 +76,7 @@ impl Bundle<'_> {
         by_dot
     }
 
-    /// Normal equations about some changes; with the data sheets, if they count.
+    /// Normal equations at given changes. They include the data sheets if these count.
     pub fn equations(&self, changes: &Changes, parameters: &[Parameter]) -> NormalEquations {
         let equations = NormalEquations::new(parameters, &self.observations(changes, parameters));
         let known = |parameter: Parameter| Some((-changes.get(parameter), parameter.sheet_std(self.nominal)?));

@@ -126,7 +126,7 @@ fn follows(misfit: &BundleMisfit) -> bool {
     misfit.rms_px <= LARGEST_RMS_PX && misfit.kept as f64 >= LEAST_FOLLOWING * misfit.sub_images as f64
 }
 
-/// A camera that was found: the last reading of each image, those sub-images of it that were fitted, and the fit.
+/// A camera that was found, with the last reading of each image and the sub-images that were fitted.
 struct FoundCamera {
     readings: Vec<Vec<DotSighting>>,
     sightings: Vec<DotSighting>,
@@ -179,8 +179,8 @@ impl TargetSearch<'_> {
         Ok(used)
     }
 
-    /// The camera that the images alone have. If that is in doubt, the one near the data sheets if it explains the dots
-    /// as well, and the doubt.
+    /// Finds the camera by the images alone. If that one is in doubt, finds another with the data sheets, and returns
+    /// it with the doubt if it explains the dots as well.
     fn two_ways(
         &self,
         sightings: &[DotSighting],
@@ -201,7 +201,7 @@ impl TargetSearch<'_> {
         });
         let as_well = |held: &FoundCamera| {
             let Some(alone) = alone.as_ref().filter(|alone| follows(&alone.fit.misfit)) else { return true };
-            let [one, other] = [alone, held].map(|of| self.bundle(&alone.sightings, false).misfit(&of.fit.changes));
+            let (one, other) = (alone.fit.misfit, self.bundle(&alone.sightings, false).misfit(&held.fit.changes));
             other.rms_px <= AS_WELL * one.rms_px && AS_WELL * other.kept as f64 >= one.kept as f64
         };
         match held.filter(as_well) {
@@ -210,8 +210,7 @@ impl TargetSearch<'_> {
         }
     }
 
-    /// Finds the camera from the first reading. With a prior, parameters of which the data sheets say something are
-    /// always free.
+    /// Finds the camera from the first reading. With a prior, the parameters that data sheets give are always free.
     fn found(
         &self,
         sightings: &[DotSighting],
@@ -245,8 +244,10 @@ impl TargetSearch<'_> {
             let (optics, pose) = (Optics::new(&changes.camera(self.nominal)), changes.pose());
             let read = |n| {
                 let seen = detect_again(self.image(n, &optics), &pose);
-                // Readings of the second way are not announced.
-                (self.watch)(u64::from(!has_prior));
+                // The progress counts the readings of the first way only.
+                if !has_prior {
+                    (self.watch)(1);
+                }
                 seen
             };
             readings = (0..self.exposures.len()).map(read).collect::<Vec<_>>();

@@ -17,7 +17,7 @@ pub struct MainLensFit {
     pub used: Vec<usize>,
     /// Depths, mm, of images out of focus most of whose sub-images are not where the camera has them.
     pub against_mm: Vec<f64>,
-    /// A reason against the camera by the images alone, if the data sheets decided beside them.
+    /// Why the camera by the images alone was not taken; None if it was.
     pub doubt: Option<String>,
     /// Names of the parameters that the data required, besides the pose and the magnification.
     pub selected: Vec<&'static str>,
@@ -34,7 +34,7 @@ pub struct MainLensFit {
 }
 
 impl MainLensFit {
-    /// With a reason against the camera by the images alone, also under `calibration.volume`.
+    /// Takes the reason why the camera by the images alone was not taken, and notes it under `calibration.volume`.
     pub(crate) fn with_doubt(mut self, doubt: Option<String>) -> Self {
         if let (Some(doubt), Some(calibration)) = (&doubt, &mut self.camera.calibration) {
             calibration["volume"]["by_images_alone"] = json!(doubt);

@@ -135,14 +135,16 @@ impl Field {
         Some(found)
     }
 
-    /// Where a place goes, mm: by the displacement half way there, between the vectors around it that have data. Beyond
-    /// the outermost vectors these count. None where no vector has data.
+    /// The place, mm, to which the field moves a place. The displacement is that half way there, interpolated between
+    /// the vectors with data. Outside the field the outermost vectors count. None where no vector around has data.
     pub fn follow(&self, place_mm: DVec3) -> Option<DVec3> {
         let displacement = |place_mm: DVec3| {
-            let corners = self.layout.cell(place_mm).corners();
-            let known = || corners.iter().filter(|(at, weight)| *weight > 0.0 && self.flag[*at] != NO_DATA);
-            let sum: DVec3 = known().map(|(at, weight)| *weight * self.displacement_mm(*at)).sum();
-            (known().count() > 0).then(|| sum / known().map(|(_, weight)| weight).sum::<f64>())
+            let corners = self.layout.cell(place_mm).corners().into_iter();
+            let known = corners.filter(|(at, weight)| *weight > 0.0 && self.flag[*at] != NO_DATA);
+            let (sum, weights) = known.fold((DVec3::ZERO, 0.0), |(sum, weights), (at, weight)| {
+                (sum + weight * self.displacement_mm(at), weights + weight)
+            });
+            (weights > 0.0).then(|| sum / weights)
         };
         let half_way = place_mm + 0.5 * displacement(place_mm)?;
         displacement(half_way).map(|displacement_mm| place_mm + displacement_mm)

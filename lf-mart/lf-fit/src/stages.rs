@@ -99,7 +99,7 @@ pub struct Doubts {
     pub misfit_sharp: Option<f64>,
     /// Whether particles were no longer added because the misfit did not fall.
     pub is_stopped: bool,
-    /// The number of particles that were missing among given ones, where the fit began anew for it.
+    /// The number of particles that the given ones lacked, if the fit began anew without the given ones.
     pub missing: Option<usize>,
 }
 
@@ -165,8 +165,8 @@ const OF_BEND: f64 = 0.2;
 const FEWER: f64 = 0.8;
 /// Rounds of a fit that noise does not explain end when the misfit falls by less than from 1 to this.
 const LEAST_FALL: f64 = 0.99;
-/// Given first particles are not those of the image if this share of their number is missing among them. Those of the
-/// frame before lack a tenth if a field has moved them, and 0.75 to 1.2 if they are 11 px off.
+/// The fit begins anew without the given particles if they lack this share of their number. Particles of the frame
+/// before lack a tenth if a field has moved them, and 0.75 to 1.2 of their number if they are 11 px off.
 const MOST_MISSING: f64 = 0.5;
 /// Rounds end when they change less than this share of the particles.
 const QUIET: f64 = 0.005;
@@ -211,12 +211,12 @@ fn fit_alone<'a>(
     stages.begin()?;
     let missing = stages.add_what_is_left(input)?;
     if (missing as f64) < MOST_MISSING * input.first.len() as f64 {
-        return stages.end();
+        return stages.finish();
     }
-    let first = input.left(input.image.pixels.view())?;
-    let mut stages = Stages::new(start_alone(input, &first, options)?, camera, options, &ALONE, on_step);
-    stages.doubts.missing = Some(missing);
-    stages.run()
+    let first = input.particles_in(input.image.pixels.view())?;
+    let mut fit = Stages::new(start_alone(input, &first, options)?, camera, options, &ALONE, on_step).run()?;
+    fit.doubts.missing = Some(missing);
+    Ok(fit)
 }
 
 /// One camera and its first particles.
@@ -329,7 +329,7 @@ impl<'a, 'o> Stages<'a, 'o> {
     /// The stages in their order.
     fn run(mut self) -> Result<Fit<'a>, Refusal> {
         self.begin()?;
-        self.end()
+        self.finish()
     }
 
     /// Fits the first particles, and corrects a camera that does not explain its image.
@@ -341,15 +341,15 @@ impl<'a, 'o> Stages<'a, 'o> {
             let Shape { lens_px, drift_px, .. } = self.particles.cameras.first().shape;
             let first = self.options.shape.first(self.particles.cameras.first().camera);
             self.particles = self.anew(Shape { lens_px, drift_px, ..first }, &maxima)?;
-            self.doubts = Doubts { missing: self.doubts.missing, ..Doubts::default() };
+            self.doubts = Doubts::default();
             self.first_fits(&maxima)?;
             self.correct_camera()?;
         }
         Ok(())
     }
 
-    /// Changes particles until no change is worth it, fits all to the end, and finds all uncertainties.
-    fn end(mut self) -> Result<Fit<'a>, Refusal> {
+    /// Changes particles until no change is worth it.
+    fn finish(mut self) -> Result<Fit<'a>, Refusal> {
         self.particles.wake_where(|_| true);
         self.rounds(0)?;
         self.own_sizes()?;
@@ -359,17 +359,15 @@ impl<'a, 'o> Stages<'a, 'o> {
         self.last_change();
         self.find_noise();
         self.align();
-        self.fit("last fit", LAST_STEPS);
-        self.particles.wake_where(|_| true);
-        self.result()
+        self.end()
     }
 
-    /// Adds particles that given ones leave in the image, and returns their number. They come before any is split,
-    /// because their light spoils the fits beside them.
+    /// Adds the particles that the given ones lack, and returns their number. This comes before any particle is split,
+    /// because the light of a missing one spoils the fits beside it.
     fn add_what_is_left(&mut self, input: &CameraInput) -> Result<usize, Refusal> {
         self.fit("fit", FIRST_STEPS);
         let view = self.particles.cameras.first();
-        self.candidates.extend(input.left((view.image - &view.expected()).view())?);
+        self.candidates.extend(input.particles_in((view.image - &view.expected()).view())?);
         let (criteria, candidates) = (self.criteria(), self.candidates_by_tile(true));
         let changes = self.change(|tile| {
             let added = tile.add_candidates(&candidates[tile.place], true, &criteria);
@@ -686,8 +684,10 @@ impl<'a, 'o> Stages<'a, 'o> {
         (self.on_step)(&Progress { camera, what, particles: list.len(), changes, misfit, shape, noise });
     }
 
-    /// The particles with their uncertainties.
-    fn result(self) -> Result<Fit<'a>, Refusal> {
+    /// Fits all particles to the end, and finds all uncertainties.
+    fn end(mut self) -> Result<Fit<'a>, Refusal> {
+        self.fit("last fit", LAST_STEPS);
+        self.particles.wake_where(|_| true);
         let (misfit, residual) = (self.particles.cameras.misfit(), self.particles.cameras.residual());
         let mut particles = self.particles.uncertainties(self.prior);
         let excess = residual.excess() * if misfit > EXPLAINED { misfit } else { 1.0 };

@@ -17,7 +17,7 @@ pub struct CameraInput {
     pub volume: Volume,
     /// The first particles. The scale of their light is free.
     pub(crate) first: Vec<Particle>,
-    /// Whether they were given. Then others are looked for in what a fit of them leaves.
+    /// Whether they were given. The fit then looks for others in what they leave of the image.
     pub(crate) is_given: bool,
 }
 
@@ -29,16 +29,17 @@ impl CameraInput {
         Ok(Self { camera, image, volume, first, is_given: false })
     }
 
-    /// Takes first particles in the frame of the camera, such as those of the moment before. Those beyond the depths of
-    /// the volume and those without light are left out.
+    /// Takes first particles, in the frame of the camera, such as those of the frame before. It leaves out those beyond
+    /// the depths of the volume and those without light.
     pub fn given(camera: Camera, image: Frame, volume: Volume, mut first: Vec<Particle>) -> Self {
         let [low, high] = depths_mm(&camera, volume.grid());
         first.retain(|particle| particle.light > 0.0 && (low..=high).contains(&particle.place_mm[2]));
         Self { camera, image, volume, first, is_given: true }
     }
 
-    /// Particles in an image that a fit has left. They come as those of [`CameraInput::new`].
-    pub(crate) fn left(&self, image: ArrayView2<f32>) -> Result<Vec<Particle>, Refusal> {
+    /// The particles of an image on this support, such as an image without what a fit explains. A volume with
+    /// intensities gives its own maxima, whatever the image.
+    pub(crate) fn particles_in(&self, image: ArrayView2<f32>) -> Result<Vec<Particle>, Refusal> {
         first::particles(&self.camera, image, &self.volume, |_| ())
     }
 

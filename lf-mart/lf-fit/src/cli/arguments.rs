@@ -50,11 +50,11 @@ pub struct Arguments {
     /// First standard deviation of a particle, pixels at the focal plane (pixel pitch over magnification)
     #[arg(long, value_name = "PX", default_value_t = 0.65, help_heading = FIT)]
     pub size: f64,
-    /// Particles (.csv) of the moment before, where the fit begins; the rest is found in what they leave of the image.
-    /// Of a table with several frames, those of the frame before --frame
+    /// Particles (.csv) of the frame before. The fit begins at them and finds the others in what they leave of the
+    /// image. A table of several frames must hold the frame before --frame
     #[arg(long, value_name = "FILE", help_heading = FIT)]
     pub start: Option<PathBuf>,
-    /// Field of displacements that leads the particles of --start to this moment
+    /// Field of displacements that moves the particles of --start to this frame
     #[arg(long, value_name = "FILE", requires = "start", help_heading = FIT)]
     pub start_field: Option<PathBuf>,
     /// Keep as given instead of fitting: the size of particles, the drift of the lattice, the blur of a camera that has
