@@ -59,7 +59,8 @@ impl Axis {
         }
         let per_mm = (self.slope / alpha).abs();
         let middle = self.zero + self.slope * self.chief / alpha;
-        let beside = corner * per_mm + (REACH_SIGMA * spot * per_mm).hypot(REACH * blur_px);
+        let reach = [REACH_SIGMA * spot * per_mm, REACH * blur_px];
+        let beside = corner * per_mm + (reach[0] * reach[0] + reach[1] * reach[1]).sqrt();
         let (first, end) = (first.max((middle - beside).floor() as i64), end.min((middle + beside).ceil() as i64));
         (first < end).then_some((first, end))
     }

@@ -145,7 +145,7 @@ impl LensletImage<'_, Cross> {
         if !rise.is_finite() || ends.iter().any(|end| is_cut(*end)) {
             return None;
         }
-        let width = sigma.hypot(rise);
+        let width = (sigma * sigma + rise * rise).sqrt();
         let limit = |end: f64, sign: f64| {
             let rim = Limit { place: half.copysign(end), width: sigma, rise: 0.0, by_width: 1.0, sign };
             if end.abs() > half { rim } else { Limit { place: end, width, rise, by_width: sigma / width, sign } }

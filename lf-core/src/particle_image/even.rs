@@ -25,8 +25,12 @@ use glam::DVec2;
 const DARK: f32 = 1e-5;
 /// Largest difference of a lenslet's scales along x and y, px at the edge of its picture.
 const OFF_PX: f64 = 0.01;
-/// Largest relative difference from the scale of the picture. Lenslets before a tilted sensor need several pictures.
-const OFF: f64 = 5e-4;
+/// Largest growth from one lenslet's picture to another's, px at its edge, and as a share. Lenslets before a tilted
+/// sensor differ in scale.
+const GROWTH_PX: f64 = 0.02;
+const GROWTH: f64 = 0.1;
+/// Lenslets whose pictures grow by less share one.
+const NO_GROWTH: f64 = 1e-6;
 
 /// Numbers that all pixels of a lenslet share: derivatives are by m along x, m along y and alpha.
 struct Factors {
@@ -50,6 +54,13 @@ struct Factors {
 }
 
 impl<T: Listed> LensletImage<'_, T> {
+    /// Scale of a lenslet's picture, px on the sensor a mm on the array.
+    #[inline(always)]
+    pub(super) fn scale(&self, line: &LensletLine) -> f64 {
+        let (axes, alpha) = self.axes(line);
+        0.5 * (axes[0].slope / alpha.x + axes[1].slope / alpha.y).abs()
+    }
+
     /// Fills the scratch's places with light, and with its derivatives by place if N asks for them. The outer option is
     /// None if there is no picture of the lenslet.
     #[inline(always)]
@@ -66,18 +77,27 @@ impl<T: Listed> LensletImage<'_, T> {
         let (axes, _) = self.axes(line);
         let growths = [0, 1].map(|n| axes[n].slope / alpha);
         let scale = 0.5 * (growths[0] + growths[1]).abs();
-        let blur_px = blur.sigma_px.hypot(self.spot_mm * scale);
-        if self.view.cell_radius * (growths[0].abs() - scale).abs() > OFF_PX || !pictures.has(scale, blur_px) {
+        let blur_px = |scale: f64| {
+            let spot_px = self.spot_mm * scale;
+            (blur.sigma_px * blur.sigma_px + spot_px * spot_px).sqrt()
+        };
+        if self.view.cell_radius * (growths[0].abs() - scale).abs() > OFF_PX || !pictures.has(scale, blur_px(scale)) {
             return None;
         }
         let (Some(across), Some(down)) = (self.lit(0, &axes[0], alpha), self.lit(1, &axes[1], alpha)) else {
             return Some(None);
         };
         let Scratch { even, places, .. } = scratch;
-        if (even.scale / scale - 1.0).abs() > OFF {
-            pictures.fill(ladder, scale, blur_px, &mut even.picture);
-            even.scale = scale;
+        let most = GROWTH.min(GROWTH_PX / (self.view.cell_radius * scale));
+        let is_far = |other: f64| (scale / other - 1.0).abs() > most;
+        if is_far(even.scale) {
+            // The picture in the middle may serve all lenslets.
+            let has_middle = !is_far(even.middle) && pictures.has(even.middle, blur_px(even.middle));
+            even.scale = if has_middle { even.middle } else { scale };
+            pictures.fill(ladder, even.scale, blur_px(even.scale), &mut even.picture);
         }
+        let growth = scale / even.scale - 1.0;
+        let grows = growth.abs() > NO_GROWTH;
 
         // Find the pixels within the picture, and where they lie between its nodes.
         let middle = [0, 1].map(|n| axes[n].zero + growths[n] * axes[n].chief);
@@ -93,13 +113,16 @@ impl<T: Listed> LensletImage<'_, T> {
         let (columns, rows) = ((right - left) as usize, (bottom - top) as usize);
         let is_whole = self.is_inside_stop(&axes, DVec2::splat(alpha));
         let first = [left as f64 + 0.5 - middle[0], top as f64 + 0.5 - middle[1]];
-        if N <= LIGHT && is_whole {
+        if N <= LIGHT && is_whole && !grows {
             even.read::<1>(first, [columns, rows]);
         } else {
             even.read::<NUMBERS>(first, [columns, rows]);
         }
-
         let factors = self.factors(blur, &axes, middle);
+        if grows {
+            even.grow(growth as f32, factors.variance);
+        }
+
         places.clear();
         places.resize(columns * rows, [0.0; PLACES]);
         let is_round = self.view.has_round_stop;

@@ -230,7 +230,8 @@ impl ParticleModel {
         let margin = self.view.corner + REACH_SIGMA * spot_mm + beam.most_bend_mm;
         let image = LensletImage { view: &self.view, beam, tables, spot_mm, more_mm: spot_mm - tables.sigma_mm };
         scratch.shared.begin();
-        scratch.even.begin();
+        let middle = self.lines.within(beam.chief, DVec2::splat(0.5 * self.view.pitch_mm)).next();
+        scratch.even.begin(middle.map_or(0.0, |line| image.scale(line)));
         let spread = beam.alpha.abs() * self.view.optics.half_aperture_mm;
         for line in self.lines.within(beam.chief, margin + spread) {
             if self.view.has_round_stop {

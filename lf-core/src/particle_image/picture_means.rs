@@ -10,8 +10,9 @@ pub(super) const NUMBERS: usize = 6;
 #[derive(Debug, Default)]
 pub(super) struct PictureMeans {
     pub(super) picture: Picture,
-    /// Its scale; 0 for none.
+    /// Its scale, and that of the lenslet in the middle of the particle's light; 0 for none.
     pub(super) scale: f64,
+    pub(super) middle: f64,
     /// For each pixel, the numbers of its mean, and its place from the picture's middle along x and y.
     pub(super) means: [Vec<f32>; NUMBERS],
     pub(super) places: [Vec<f32>; 2],
@@ -19,8 +20,8 @@ pub(super) struct PictureMeans {
 
 impl PictureMeans {
     /// Forgets the picture of the particle before.
-    pub(super) fn begin(&mut self) {
-        self.scale = 0.0;
+    pub(super) fn begin(&mut self, middle: f64) {
+        (self.scale, self.middle) = (0.0, middle);
     }
 
     /// Reads the first K numbers of the means of pixels, whose first one lies `first` px from the picture's middle.
@@ -78,5 +79,19 @@ impl PictureMeans {
                 }
             }
         }
+    }
+
+    /// Lets the picture grow by a share: its light with its area, its shape by its slopes. Its kernel, of this variance
+    /// in px^2, does not grow.
+    #[inline(always)]
+    pub(super) fn grow(&mut self, by: f32, variance: f32) {
+        let area = (1.0 + by) * (1.0 + by);
+        let [mean, mean_x, mean_y, mean_xx, _, mean_yy] = &mut self.means;
+        let [x, y] = &self.places;
+        for (n, mean) in mean.iter_mut().enumerate() {
+            let slope = x[n] * mean_x[n] + y[n] * mean_y[n];
+            *mean -= by * (slope + variance * (mean_xx[n] + mean_yy[n]) + 2.0 * *mean);
+        }
+        self.means.iter_mut().flatten().for_each(|number| *number *= area);
     }
 }
