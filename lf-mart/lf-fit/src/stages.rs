@@ -88,17 +88,17 @@ pub struct Fit<'a> {
     pub size_spread: f64,
     /// Number of particles near focus whose uncertainty sideways is that of a lenslet.
     pub untold: usize,
-    /// Doubts of the model that arose on the way.
-    pub doubts: Doubts,
+    /// Doubts that arose while each camera was fitted alone.
+    pub doubts: Vec<Doubts>,
+    /// Whether particles were no longer added because the misfit did not fall.
+    pub is_stopped: bool,
 }
 
-/// Doubts of the model.
+/// Doubts of the model of a camera.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Doubts {
     /// The misfit without a blur, where the camera names none and the image asked for one.
     pub misfit_sharp: Option<f64>,
-    /// Whether particles were no longer added because the misfit did not fall.
-    pub is_stopped: bool,
     /// The number of particles that the given ones lacked, if the fit began anew without the given ones.
     pub missing: Option<usize>,
 }
@@ -147,6 +147,8 @@ const CAMERA_STEP: &str = "camera";
 /// light above which half of all light is.
 const LIGHT_ROUNDS: usize = 15;
 const FAINTEST: f64 = 0.1;
+/// The first fit of the shape ends with a step below this, px. Spare particles move the shape by more.
+const FIRST_SHAPE_PX: f64 = 0.002;
 /// Steps of a fit of all particles: of the first ones, of one in a round, and of the last one.
 const FIRST_STEPS: usize = 3;
 const ROUND_STEPS: usize = 6;
@@ -189,12 +191,15 @@ pub fn fit<'a>(
     if alone.len() == 1 {
         return Ok(alone.remove(0));
     }
+    let doubts = alone.iter().flat_map(|fit| fit.doubts.clone()).collect();
     let particles = start_together(alone)?;
     let held = FitOptions {
         free: Free { size: false, sizes: false, drift: false, blur: false, camera: false, ..options.free },
         ..*options
     };
-    Stages::new(particles, None, &held, &TOGETHER, &mut on_step).run().map_err(|refusal| (0, refusal))
+    let together =
+        Stages::new(particles, None, &held, &TOGETHER, &mut on_step).run().map_err(|refusal| (0, refusal))?;
+    Ok(Fit { doubts, ..together })
 }
 
 /// Fits a camera alone. Begins anew where the first particles were given and are not those of its image.
@@ -215,7 +220,7 @@ fn fit_alone<'a>(
     }
     let first = input.particles_in(input.image.pixels.view())?;
     let mut fit = Stages::new(start_alone(input, &first, options)?, camera, options, &ALONE, on_step).run()?;
-    fit.doubts.missing = Some(missing);
+    fit.doubts[0].missing = Some(missing);
     Ok(fit)
 }
 
@@ -298,6 +303,7 @@ struct Stages<'a, 'o> {
     /// Whether the last fit of the shape came to its end.
     is_settled: bool,
     doubts: Doubts,
+    is_stopped: bool,
 }
 
 impl<'a, 'o> Stages<'a, 'o> {
@@ -323,6 +329,7 @@ impl<'a, 'o> Stages<'a, 'o> {
             is_stale: false,
             is_settled: true,
             doubts: Doubts::default(),
+            is_stopped: false,
         }
     }
 
@@ -380,7 +387,7 @@ impl<'a, 'o> Stages<'a, 'o> {
     /// Rounds until they change little, from the one with this number on.
     fn rounds(&mut self, first: usize) -> Result<(), Refusal> {
         let Schedule { round: name, least_rounds, .. } = *self.schedule;
-        self.doubts.is_stopped = false;
+        self.is_stopped = false;
         let (mut misfit, mut alike) = (f64::INFINITY, f64::INFINITY);
         for round in first..self.options.rounds {
             let changes = self.round(round);
@@ -404,7 +411,7 @@ impl<'a, 'o> Stages<'a, 'o> {
             let alike_before = std::mem::replace(&mut alike, residual.beside);
             let is_stuck = misfit > EXPLAINED && misfit > LEAST_FALL * before;
             if is_stuck || residual.is_model_error() && alike > LEAST_FALL * alike_before {
-                self.doubts.is_stopped = true;
+                self.is_stopped = true;
                 break;
             }
         }
@@ -422,7 +429,7 @@ impl<'a, 'o> Stages<'a, 'o> {
             if n == 0 {
                 is_open = self.try_blur(maxima, FEWER)?;
             }
-            self.fit_shape()?;
+            self.fit_shape_to(FIRST_SHAPE_PX)?;
             self.align();
         }
         if is_open {
@@ -475,7 +482,7 @@ impl<'a, 'o> Stages<'a, 'o> {
         let particles = &mut self.particles;
         particles.render();
         for _ in 0..self.schedule.light_passes {
-            particles.share_light(LIGHT_ROUNDS);
+            particles.share_light(LIGHT_ROUNDS, FAINTEST * particles.weighty_light());
         }
         let least = FAINTEST * particles.weighty_light();
         let (kept, faint) = particles.list.iter().partition(|particle| particle.light > least);
@@ -495,7 +502,7 @@ impl<'a, 'o> Stages<'a, 'o> {
     /// ones.
     fn own_sizes(&mut self) -> Result<(), Refusal> {
         let CameraView { shape, shape_std_px, .. } = *self.particles.cameras.first();
-        let (list, doubts) = (self.particles.list.clone(), self.doubts);
+        let (list, is_stopped) = (self.particles.list.clone(), self.is_stopped);
         if self.fit_sizes()? {
             self.rounds(1)?;
             self.fit_shape()?;
@@ -507,7 +514,7 @@ impl<'a, 'o> Stages<'a, 'o> {
             self.particles.cameras.views[0].set_shape(shape, shape_std_px)?;
             self.particles.set(list);
             self.particles.render();
-            self.doubts = doubts;
+            self.is_stopped = is_stopped;
             self.is_stale = true;
         }
         self.fit_shape()
@@ -526,13 +533,18 @@ impl<'a, 'o> Stages<'a, 'o> {
 
     /// Fits the shape of the first camera.
     fn fit_shape(&mut self) -> Result<(), Refusal> {
+        self.fit_shape_to(0.0)
+    }
+
+    /// Like [`Self::fit_shape`]; a step below `enough_px` pixels is the last.
+    fn fit_shape_to(&mut self, enough_px: f64) -> Result<(), Refusal> {
         let Particles { cameras, list, reach_px, .. } = &self.particles;
         let shape = cameras.first().shape;
         if !self.free.shapes(&shape).contains(&true) {
             return Ok(());
         }
         let Some(sample) = Sample::new(cameras, list, *reach_px, self.free)? else { return Ok(()) };
-        let found = sample.fit()?;
+        let found = sample.fit(enough_px)?;
         if found.shape.is_beyond(&cameras.first().shape, found.std_px) {
             self.particles.is_whole.fill(false);
             self.is_stale = true;
@@ -704,7 +716,8 @@ impl<'a, 'o> Stages<'a, 'o> {
             excess,
             size_spread: self.particles.size_spread.map_or(0.0, |spread| spread.std()),
             untold,
-            doubts: self.doubts,
+            doubts: vec![self.doubts],
+            is_stopped: self.is_stopped,
         })
     }
 }

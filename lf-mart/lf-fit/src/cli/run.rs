@@ -135,24 +135,29 @@ fn statistics(view: &CameraView) -> Value {
     found
 }
 
-/// Warns of a model that does not explain the image.
-fn warn_of_model(found: &Fit, session: &mut Session) {
-    let Fit { misfit, residual, excess, doubts: Doubts { misfit_sharp, is_stopped, missing }, .. } = *found;
-    let CameraView { shape, camera, shape_std_px, .. } = found.cameras[0];
-    let corrected = shape.corrections(camera, shape_std_px);
+/// Warns of what a camera alone had against its model or its first particles. `name` is that of one of several cameras.
+fn warn_of_doubts(doubts: Doubts, view: &CameraView, name: &str, session: &mut Session) {
+    let Doubts { misfit_sharp, missing } = doubts;
     if let Some(missing) = missing {
         session.warn(format!(
-            "the particles of --start are not those of this image: {missing} others were beside them; the fit began anew \
-             without them; check that they are of the frame before, and --start-field"
+            "{name}the particles of --start are not those of this image: {missing} others were beside them; the fit began \
+             anew without them; check that they are of the frame before, and --start-field"
         ));
     }
-    if let (Some(before), Some(sigma_px)) = (misfit_sharp, shape.blur_px) {
+    if let (Some(before), Some(sigma_px)) = (misfit_sharp, view.shape.blur_px) {
         session.warn(format!(
-            "the image is blurred and camera.json does not say so: chi2 was {before:.2}; fitted with diffraction of green light \
-             and a blur of {sigma_px:.2} px; give camera.json a block 'blur' with wavelength_nm and sigma_px (lf-calib \
-             nominal --wavelength)"
+            "{name}the image is blurred and camera.json does not say so: chi2 was {before:.2}; fitted with diffraction of \
+             green light and a blur of {sigma_px:.2} px; give camera.json a block 'blur' with wavelength_nm and sigma_px \
+             (lf-calib nominal --wavelength)"
         ));
     }
+}
+
+/// Warns of a model that does not explain the image.
+fn warn_of_model(found: &Fit, session: &mut Session) {
+    let Fit { misfit, residual, excess, is_stopped, .. } = *found;
+    let CameraView { shape, camera, shape_std_px, .. } = found.cameras[0];
+    let corrected = shape.corrections(camera, shape_std_px);
     let bounds = shape.at_bounds();
     bounds.iter().for_each(|(name, end)| {
         session.warn(format!(
@@ -201,6 +206,10 @@ fn warn_of_model(found: &Fit, session: &mut Session) {
 
 /// Counts and warns of what was found.
 fn report(arguments: &Arguments, found: &Fit, session: &mut Session) {
+    for ((doubts, view), file) in found.doubts.iter().zip(&found.cameras).zip(&arguments.camera) {
+        let name = if found.cameras.len() > 1 { format!("{}: ", io::name(file)) } else { String::new() };
+        warn_of_doubts(*doubts, view, &name, session);
+    }
     warn_of_model(found, session);
     session.count("particles", found.particles.len());
     session.count("untold", found.untold);

@@ -245,8 +245,9 @@ impl<'a> Particles<'a> {
         (particles, images)
     }
 
-    /// Finds the light of all particles, places held, by expectation maximisation.
-    pub(crate) fn share_light(&mut self, rounds: usize) {
+    /// Finds the light of all particles, places held, by expectation maximisation. Those left with no more than `least`
+    /// lose it.
+    pub(crate) fn share_light(&mut self, rounds: usize, least: f64) {
         let floor = |view: &CameraView| view.noise.read_variance.sqrt().max(view.noise.gain) as f32;
         let floors: Vec<f32> = self.cameras.views.iter().map(floor).collect();
         let work = |own: &Self, window: &mut Window, _: &Tile, members: Members, buffers: &mut FitBuffers| {
@@ -268,6 +269,10 @@ impl<'a> Particles<'a> {
                     image.add_to(&mut window.light, window.columns, factor as f32 - 1.0);
                     image.scale(factor as f32);
                 }
+            }
+            for (particle, image) in particles.iter_mut().zip(&images).filter(|(particle, _)| particle.light <= least) {
+                particle.light = 0.0;
+                image.add_to(&mut window.light, window.columns, -1.0);
             }
             (members.own().to_vec(), particles)
         };

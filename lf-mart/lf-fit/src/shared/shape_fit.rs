@@ -120,10 +120,10 @@ impl<'a> Sample<'a> {
         Ok((!particles.is_empty()).then_some(Self { cameras: own, window, particles, free }))
     }
 
-    /// Fits shape and particles.
-    pub(crate) fn fit(mut self) -> Result<FoundShape, Refusal> {
+    /// Fits shape and particles. A step below `enough_px` pixels is the last.
+    pub(crate) fn fit(mut self, enough_px: f64) -> Result<FoundShape, Refusal> {
         let mut buffers = FitBuffers::default();
-        let mut state = self.state(&self.cameras, &mut buffers)?;
+        let mut state = self.state(&self.cameras, 1, &mut buffers)?;
         let mut damping = DAMPING;
         let mut std = [f64::INFINITY; SHAPES];
         let mut is_settled = false;
@@ -140,9 +140,9 @@ impl<'a> Sample<'a> {
             let next_cameras = Cameras { views: vec![view.reshaped(view.shape.moved(step), view.depth_mm)?] };
             let old = self.particles.clone();
             self.particles = old.iter().zip(&moves).map(|(one, step)| next_cameras.moved(one, step)).collect();
-            let next = self.state(&next_cameras, &mut buffers)?;
+            let next = self.state(&next_cameras, 1, &mut buffers)?;
             let gain = state.deviance - next.deviance;
-            is_settled = step.iter().zip(&std).all(|(step, std)| step.abs() <= ENOUGH * std);
+            is_settled = step.iter().zip(&std).all(|(step, std)| step.abs() <= enough_px.max(ENOUGH * std));
 
             // Keep a step that helps. Otherwise, try a shorter one.
             if gain > 0.0 {
@@ -159,8 +159,8 @@ impl<'a> Sample<'a> {
         Ok(FoundShape { shape: self.cameras.first().shape, std_px: std, is_settled })
     }
 
-    /// Renders the particles.
-    pub(super) fn state(&self, cameras: &Cameras, buffers: &mut FitBuffers) -> Result<State, Refusal> {
+    /// Renders the particles. Slopes by the camera's parameters are those of one particle in `every`.
+    pub(super) fn state(&self, cameras: &Cameras, every: usize, buffers: &mut FitBuffers) -> Result<State, Refusal> {
         let mut by_shape = vec![[0f32; SHAPES]; self.window.seen.len()];
         let mut images = Vec::with_capacity(self.particles.len());
         for particles in self.particles.chunks(AT_ONCE) {
@@ -178,7 +178,7 @@ impl<'a> Sample<'a> {
             }
         }
         if self.free.lens.contains(&true) {
-            self.add_lens_slopes(cameras, &mut by_shape)?;
+            self.add_lens_slopes(cameras, every, &mut by_shape)?;
         }
         let deviance = cameras.deviance(&self.window, images.iter(), buffers);
         Ok(State { images, by_shape, deviance })
@@ -186,14 +186,15 @@ impl<'a> Sample<'a> {
 
     /// Adds the slopes by the camera's free parameters: one step of each to either side. Both lights come on one road,
     /// by bent rays or by straight ones, whose images differ by more than a step changes them.
-    fn add_lens_slopes(&self, cameras: &Cameras, by_shape: &mut [[f32; SHAPES]]) -> Result<(), Refusal> {
+    fn add_lens_slopes(&self, cameras: &Cameras, every: usize, by_shape: &mut [[f32; SHAPES]]) -> Result<(), Refusal> {
         let view = cameras.first();
+        let particles: Vec<&Particle> = self.particles.iter().step_by(every).collect();
         for k in (ANALYTIC..SHAPES).filter(|k| self.free.lens[k - ANALYTIC]) {
             let light = |step_px: f64| {
                 let mut step = [0.0; SHAPES];
                 step[k] = step_px;
                 let moved = view.reshaped(view.shape.moved(step), view.depth_mm)?;
-                Ok::<_, Refusal>(self.light(&Cameras { views: vec![moved] }))
+                Ok::<_, Refusal>(self.light(&particles, &Cameras { views: vec![moved] }))
             };
             let (before, after) = (light(-SLOPE_PX)?, light(SLOPE_PX)?);
             for ((slopes, before), after) in by_shape.iter_mut().zip(before).zip(after) {
@@ -203,11 +204,11 @@ impl<'a> Sample<'a> {
         Ok(())
     }
 
-    /// The light of the particles in the window.
-    fn light(&self, cameras: &Cameras) -> Vec<f32> {
+    /// The light of particles in the window.
+    fn light(&self, particles: &[&Particle], cameras: &Cameras) -> Vec<f32> {
         let mut light = vec![0f32; self.window.seen.len()];
-        let render = |scratch: &mut _, particle: &_| ParticleImage::light(cameras, particle, &self.window, scratch);
-        for particles in self.particles.chunks(AT_ONCE) {
+        let render = |scratch: &mut _, particle: &&_| ParticleImage::light(cameras, particle, &self.window, scratch);
+        for particles in particles.chunks(AT_ONCE) {
             let images: Vec<ParticleImage> = particles.par_iter().map_init(Scratch::default, render).collect();
             images.iter().for_each(|image| image.add_to(&mut light, self.window.columns, 1.0));
         }

@@ -36,14 +36,16 @@ pub(crate) fn maxima(grid: &Grid, indices: &[u64], intensity: &[f32]) -> Vec<Par
     let sides = -BESIDE..=BESIDE;
     let mut lines: Vec<Line> =
         sides.clone().flat_map(|dz| sides.clone().map(move |dy| Line { dy, dz, at: 0 })).collect();
+    // The nearest lines end most voxels.
+    lines.sort_by_key(|line| line.dy * line.dy + line.dz * line.dz);
     let mut particles = Vec::new();
-    for (index, &value) in indices.iter().zip(intensity) {
+    'voxels: for (index, &value) in indices.iter().zip(intensity) {
         // Skip a voxel that is too faint even if all voxels around it are alike. This ends most voxels.
         if f64::from(value) * TAKEN_IN <= least {
             continue;
         }
         let [x, y, z] = grid.voxel(*index).map(|n| n as i64);
-        let (mut sum, mut moment, mut is_most) = (0.0, [0.0; 3], true);
+        let (mut sum, mut moment) = (0.0, [0.0; 3]);
         for line in &mut lines {
             let (row, slice) = (y + line.dy, z + line.dz);
             if !(0..ny).contains(&row) || !(0..nz).contains(&slice) {
@@ -52,7 +54,7 @@ pub(crate) fn maxima(grid: &Grid, indices: &[u64], intensity: &[f32]) -> Vec<Par
             let start = nx * (row + ny * slice);
             let first = (start + (x - BESIDE).max(0)) as u64;
             let last = (start + (x + BESIDE).min(nx - 1)) as u64;
-            line.at += indices[line.at..].partition_point(|other| *other < first);
+            line.at += indices[line.at..].iter().take_while(|other| **other < first).count();
             for n in line.at..indices.len() {
                 let (other, beside) = (indices[n], intensity[n]);
                 if other > last {
@@ -61,7 +63,7 @@ pub(crate) fn maxima(grid: &Grid, indices: &[u64], intensity: &[f32]) -> Vec<Par
                 let step = [other as i64 - start - x, line.dy, line.dz];
                 let is_near = step.iter().map(|d| d * d).sum::<i64>() <= NEAR;
                 if is_near && (beside > value || (other < *index && beside == value)) {
-                    is_most = false;
+                    continue 'voxels;
                 }
                 if (0..3).all(|axis| step[axis].abs() <= TAKEN[axis]) {
                     let light = f64::from(beside);
@@ -70,7 +72,7 @@ pub(crate) fn maxima(grid: &Grid, indices: &[u64], intensity: &[f32]) -> Vec<Par
                 }
             }
         }
-        if is_most && sum > least {
+        if sum > least {
             let vox = [x, y, z];
             let place_mm = std::array::from_fn(|axis| {
                 grid.origin_mm[axis] + grid.spacing_mm[axis] * (vox[axis] as f64 + moment[axis] / sum)
