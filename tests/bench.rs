@@ -76,7 +76,7 @@ fn a_measurement_goes_on_record_and_a_tool_is_the_same_as_itself() {
 fn unknown_words_are_refused_in_one_line() {
     let place = tempfile::tempdir().unwrap();
     for (words, wanted) in [
-        (&["solve"][..], "synth, calib, prune, mart, xcorr, validate"),
+        (&["solve"][..], "synth, calib, prune, mart, fit, xcorr, validate"),
         (&["mart", "huge"], "small, medium, large"),
         (&["mart", "bent"], "plain, turned, hexagonal, distorted, gap, tilt, water"),
         (&["--fast"], "--against"),
