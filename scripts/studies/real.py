@@ -11,6 +11,9 @@ WAVELENGTH_NM, BLUR_PX = 532, 0.3
 SENSOR = {"photon_noise": True, "gain_counts_per_electron": 0.5, "read_noise_electrons": 3, "bits": 12, "dark_counts": 40}
 WHITE, WHITES = {"counts": 2000, "rays_per_lenslet": 200000}, 2
 SIDE = 560  # px
+BLUR = f'camera.blur={{"wavelength_nm": {WAVELENGTH_NM}, "sigma_px": {BLUR_PX}}}'
+NOISE = f"sensor_noise={json.dumps(SENSOR)}"
+DARK = f'sensor_noise={{"dark_counts": {SENSOR["dark_counts"]}}}'
 
 
 class Case:
