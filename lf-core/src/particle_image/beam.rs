@@ -31,7 +31,7 @@ pub(super) struct Tracer {
 /// Step of the derivatives, mm. They err by its square over the squared distance of the lens: 1e-11.
 const STEP_MM: f64 = 1e-3;
 /// Terms of a bend: all powers of U up to the third, and U times its length to the fourth power.
-const TERMS: usize = 12;
+pub(super) const TERMS: usize = 12;
 /// Fixed-point steps to the place of the stop whose light meets a lenslet.
 const BEND_STEPS: usize = 3;
 /// Place of the four rays that stand for a bent beam, half apertures.
@@ -137,6 +137,16 @@ impl Beam {
             2.0 * vv + 6.0 * v * vvv + 2.0 * u * uvv + (12.0 * v2 + 4.0 * u2) * both + 8.0 * (u2 + v2) * v * v_fourth,
         ];
         along.map(|bent| bent / (half_aperture_mm * half_aperture_mm))
+    }
+
+    /// Coefficients of what is left of hits by `chief + alpha U`, mm, see [`terms`]; None for straight rays.
+    #[inline(always)]
+    pub(super) fn rest(&self, chief: DVec2, alpha: DVec2, half_aperture_mm: f64) -> Option<[DVec2; TERMS]> {
+        let mut rest = self.bend?;
+        rest[0] += self.chief - chief;
+        rest[1].x += (self.alpha - alpha.x) * half_aperture_mm;
+        rest[2].y += (self.alpha - alpha.y) * half_aperture_mm;
+        Some(rest)
     }
 
     #[inline(always)]

@@ -1,34 +1,30 @@
-//! A lenslet's image of a particle on a blurred sensor where rays are straight: light and derivatives by place, from a
-//! picture of the cell (`pictures.rs`).
+//! A lenslet's image of a particle on a blurred sensor: light and derivatives by place, from a picture of the cell
+//! (`pictures.rs`).
 //!
 //! It is the light of `blurred.rs` in pixels of the sensor and in f32: the mean M of the cell over a pixel, times the
 //! share of a bump that the stop lets through. Along an axis the picture's middle is at `zero + g chief` and its scale
-//! is |g|, with `g = slope / alpha`. A picture that grows by the share e changes by
-//!
-//! ```text
-//! -e (q grad M + v laplacian M)
-//! ```
-//!
-//! where q is the way from its middle and v the variance of the pixel and the sensor's blur, which do not grow.
+//! is |g|, with `g = slope / alpha`. Lenslets depart a little from a picture that they share (`departure.rs`).
 
 use super::axis::Axis;
 use super::blurred;
 use super::cell_surface::Ladder;
+use super::departure::Departure;
 use super::lenslet_image::{LIGHT, LensletImage, Listed, PLACES, Patch, Scratch};
 use super::lenslet_lines::LensletLine;
 use super::picture_means::{NUMBERS, PictureMeans};
 use super::pictures::LANES;
 use super::sensor_blur::{PIXEL_VARIANCE, SensorBlur};
+use super::view::View;
 use glam::DVec2;
 
 /// A pixel with a smaller mean of the cell is dark.
 const DARK: f32 = 1e-5;
-/// Largest difference of a lenslet's scales along x and y, px at the edge of its picture.
-const OFF_PX: f64 = 0.01;
+/// Largest departure of a lenslet from a picture, px at the edge of its cell.
+const FARTHEST_PX: f32 = 0.12;
 /// Largest growth from one lenslet's picture to another's, px at its edge, and as a share. Lenslets before a tilted
 /// sensor differ in scale.
-const GROWTH_PX: f64 = 0.02;
-const GROWTH: f64 = 0.1;
+const GROWTH_PX: f64 = 0.05;
+const GROWTH: f64 = 0.05;
 /// Lenslets whose pictures grow by less share one.
 const NO_GROWTH: f64 = 1e-6;
 
@@ -54,11 +50,47 @@ struct Factors {
 }
 
 impl<T: Listed> LensletImage<'_, T> {
+    /// Growth from the array to the sensor along both axes, px a mm, and its mean.
+    #[inline(always)]
+    fn growths(axes: &[Axis; 2], alpha: DVec2) -> ([f64; 2], f64) {
+        let growths = [0, 1].map(|n| axes[n].slope / alpha[n]);
+        (growths, 0.5 * (growths[0] + growths[1]))
+    }
+
     /// Scale of a lenslet's picture, px on the sensor a mm on the array.
     #[inline(always)]
     pub(super) fn scale(&self, line: &LensletLine) -> f64 {
         let (axes, alpha) = self.axes(line);
-        0.5 * (axes[0].slope / alpha.x + axes[1].slope / alpha.y).abs()
+        Self::growths(&axes, alpha).1.abs()
+    }
+
+    /// The departure of a lenslet from a picture of another scale, None from its own. The outer option is None if the
+    /// picture cannot serve.
+    #[inline(always)]
+    fn depart(
+        &self,
+        blur: &SensorBlur,
+        (axes, alpha): (&[Axis; 2], DVec2),
+        (growths, middle): ([f64; 2], [f64; 2]),
+        scale: f64,
+        blur_px: f64,
+    ) -> Option<Option<Departure>> {
+        let mean = 0.5 * (growths[0] + growths[1]);
+        let own = scale.copysign(mean);
+        if !self.beam.is_bent() && growths.iter().all(|growth| (own / growth - 1.0).abs() < NO_GROWTH) {
+            return Some(None);
+        }
+        let View { cell_radius, corner, pictures, has_round_stop, optics, .. } = self.view;
+        let most = GROWTH.min(GROWTH_PX / (cell_radius * mean.abs()));
+        if (mean / own - 1.0).abs() > most || !pictures.as_ref()?.has(scale, blur_px) {
+            return None;
+        }
+        let stop = (optics.half_aperture_mm, *has_round_stop);
+        let kernel = PIXEL_VARIANCE + blur.sigma_px * blur.sigma_px;
+        let cell = mean * mean * (corner.length_squared() / 6.0 + self.spot_mm * self.spot_mm);
+        let departure = Departure::new(self.beam, (axes, alpha), (growths, own), (middle, [kernel, cell]), stop);
+        let edge = (mean.abs() * *corner).as_vec2().to_array();
+        (departure.largest(edge) < FARTHEST_PX).then_some(Some(departure))
     }
 
     /// Fills the scratch's places with light, and with its derivatives by place if N asks for them. The outer option is
@@ -70,37 +102,34 @@ impl<T: Listed> LensletImage<'_, T> {
         line: &LensletLine,
         scratch: &mut Scratch,
     ) -> Option<Option<Patch>> {
-        let (alpha, pictures) = (self.beam.alpha, self.view.pictures.as_ref()?);
-        if self.beam.is_bent() || alpha == 0.0 {
+        let (pictures, (axes, alpha)) = (self.view.pictures.as_ref()?, self.axes(line));
+        if alpha.x == 0.0 || alpha.y == 0.0 {
             return None;
         }
-        let (axes, _) = self.axes(line);
-        let growths = [0, 1].map(|n| axes[n].slope / alpha);
-        let scale = 0.5 * (growths[0] + growths[1]).abs();
+        let (growths, growth) = Self::growths(&axes, alpha);
+        let scale = growth.abs();
         let blur_px = |scale: f64| {
             let spot_px = self.spot_mm * scale;
             (blur.sigma_px * blur.sigma_px + spot_px * spot_px).sqrt()
         };
-        if self.view.cell_radius * (growths[0].abs() - scale).abs() > OFF_PX || !pictures.has(scale, blur_px(scale)) {
+        if !pictures.has(scale, blur_px(scale)) {
             return None;
         }
-        let (Some(across), Some(down)) = (self.lit(0, &axes[0], alpha), self.lit(1, &axes[1], alpha)) else {
+        let (Some(across), Some(down)) = (self.lit(0, &axes[0], alpha.x), self.lit(1, &axes[1], alpha.y)) else {
             return Some(None);
         };
         let Scratch { even, places, .. } = scratch;
-        let most = GROWTH.min(GROWTH_PX / (self.view.cell_radius * scale));
-        let is_far = |other: f64| (scale / other - 1.0).abs() > most;
-        if is_far(even.scale) {
-            // The picture in the middle may serve all lenslets.
-            let has_middle = !is_far(even.middle) && pictures.has(even.middle, blur_px(even.middle));
-            even.scale = if has_middle { even.middle } else { scale };
-            pictures.fill(ladder, even.scale, blur_px(even.scale), &mut even.picture);
+        // Take the last picture, or that in the middle, which may serve all lenslets, or one of the own scale.
+        let middle = [0, 1].map(|n| axes[n].zero + growths[n] * axes[n].chief);
+        let depart = |other: f64| self.depart(blur, (&axes, alpha), (growths, middle), other, blur_px(other));
+        let mut candidates = [even.scale, even.middle, scale].into_iter();
+        let (taken, departure) = candidates.find_map(|other| Some((other, depart(other)?)))?;
+        if taken != even.scale {
+            even.scale = taken;
+            pictures.fill(ladder, taken, blur_px(taken), &mut even.picture);
         }
-        let growth = scale / even.scale - 1.0;
-        let grows = growth.abs() > NO_GROWTH;
 
         // Find the pixels within the picture, and where they lie between its nodes.
-        let middle = [0, 1].map(|n| axes[n].zero + growths[n] * axes[n].chief);
         let within = |axis: usize, (first, end): (i64, i64)| {
             let half = even.picture.half[axis] as f64;
             let (first, end) =
@@ -111,16 +140,16 @@ impl<T: Listed> LensletImage<'_, T> {
             return Some(None);
         };
         let (columns, rows) = ((right - left) as usize, (bottom - top) as usize);
-        let is_whole = self.is_inside_stop(&axes, DVec2::splat(alpha));
+        let is_whole = self.is_inside_stop(&axes, alpha);
         let first = [left as f64 + 0.5 - middle[0], top as f64 + 0.5 - middle[1]];
-        if N <= LIGHT && is_whole && !grows {
+        if N <= LIGHT && is_whole && departure.is_none() {
             even.read::<1>(first, [columns, rows]);
         } else {
             even.read::<NUMBERS>(first, [columns, rows]);
         }
-        let factors = self.factors(blur, &axes, middle);
-        if grows {
-            even.grow(growth as f32, factors.variance);
+        let factors = self.factors(blur, (&axes, alpha), middle);
+        if let Some(departure) = departure {
+            departure.change(even, columns * rows);
         }
 
         places.clear();
@@ -140,18 +169,17 @@ impl<T: Listed> LensletImage<'_, T> {
     }
 
     #[inline(always)]
-    fn factors(&self, blur: &SensorBlur, axes: &[Axis; 2], middle: [f64; 2]) -> Factors {
-        let alpha = self.beam.alpha;
+    fn factors(&self, blur: &SensorBlur, (axes, alpha): (&[Axis; 2], DVec2), middle: [f64; 2]) -> Factors {
         let [x, y] = axes;
         let half = self.view.optics.half_aperture_mm;
-        let by_m = axes.map(|axis| (axis.kappa / alpha) as f32);
-        let by_alpha = axes.map(|axis| (-axis.kappa * axis.chief / (alpha * alpha)) as f32);
+        let by_m = [0, 1].map(|n| (axes[n].kappa / alpha[n]) as f32);
+        let by_alpha = [0, 1].map(|n| (-axes[n].kappa * axes[n].chief / (alpha[n] * alpha[n])) as f32);
         let (chief_by, alpha_by) = (&self.beam.chief_by, &self.beam.alpha_by);
         Factors {
             scale: (blur.share * (x.per_slope * y.per_slope).abs() / self.view.stop_mm2) as f32,
             growth: (x.gamma * x.per_slope + y.gamma * y.per_slope) as f32,
             moves: [[by_m[0], 0.0], [0.0, by_m[1]], by_alpha],
-            grows: (-x.kappa * x.per_slope / alpha) as f32,
+            grows: (-x.kappa * x.per_slope / alpha.x) as f32,
             stop_moves: [x.gamma as f32, y.gamma as f32],
             stop_grows: (-half * x.gamma * x.slope.signum()) as f32,
             stop: [0, 1].map(|n| (axes[n].zero - middle[n]) as f32),

@@ -80,18 +80,4 @@ impl PictureMeans {
             }
         }
     }
-
-    /// Lets the picture grow by a share: its light with its area, its shape by its slopes. Its kernel, of this variance
-    /// in px^2, does not grow.
-    #[inline(always)]
-    pub(super) fn grow(&mut self, by: f32, variance: f32) {
-        let area = (1.0 + by) * (1.0 + by);
-        let [mean, mean_x, mean_y, mean_xx, _, mean_yy] = &mut self.means;
-        let [x, y] = &self.places;
-        for (n, mean) in mean.iter_mut().enumerate() {
-            let slope = x[n] * mean_x[n] + y[n] * mean_y[n];
-            *mean -= by * (slope + variance * (mean_xx[n] + mean_yy[n]) + 2.0 * *mean);
-        }
-        self.means.iter_mut().flatten().for_each(|number| *number *= area);
-    }
 }

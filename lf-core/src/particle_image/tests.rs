@@ -74,7 +74,8 @@ fn distance_from_rays(camera: &Camera, place: [f64; 3], rays: usize) -> (f64, f6
     (0.5 * off, (lit as f64 / passed).sqrt() * 0.1)
 }
 
-/// Like [`distance_from_rays`] on a blurred sensor, where every ray spreads a Gaussian over the pixels.
+/// Like [`distance_from_rays`] on a blurred sensor, where every ray spreads a Gaussian over the pixels: the larger of
+/// the distances of the images in double and in single precision.
 fn distance_from_blurred_rays(camera: &Camera, place: [f64; 3], rays: usize) -> f64 {
     let optics = Optics::new(camera);
     let model = ParticleModel::new(camera, SIGMA_MM, DEPTH_MM).unwrap();
@@ -97,11 +98,14 @@ fn distance_from_blurred_rays(camera: &Camera, place: [f64; 3], rays: usize) -> 
             }
         }
     });
-    let mut off = 0.0;
-    for (at, pixel) in &image(&model, place) {
-        off += (hits.remove(at).unwrap_or(0.0) / passed - pixel[0]).abs();
-    }
-    0.5 * (off + hits.values().map(|count: &f64| count / passed).sum::<f64>())
+    let distance = |light: Pixels| {
+        let (mut off, mut rest) = (0.0, hits.clone());
+        for (at, pixel) in &light {
+            off += (rest.remove(at).unwrap_or(0.0) / passed - pixel[0]).abs();
+        }
+        0.5 * (off + rest.values().map(|count: &f64| count / passed).sum::<f64>())
+    };
+    distance(image(&model, place)).max(distance(places(&model, place, 1.0, false)))
 }
 
 /// Cameras whose blur is tried: straight rays near and far from the lenslets' focus, a tilted sensor, bent rays.
@@ -332,8 +336,7 @@ fn blurred_light_is_where_aberrated_rays_fall() {
         ..Aberrations::default()
     };
     let fast = Camera { aberrations: Some(doublets), ..seed(60, Aperture::Circle, Layout::Square, 0.003) };
-    let all = aberrated().into_iter().filter(|(name, _)| name.ends_with("all"));
-    for (name, mut camera) in all.chain([("fast".to_owned(), fast)]) {
+    for (name, mut camera) in aberrated().into_iter().chain([("fast".to_owned(), fast)]) {
         camera.blur = Some(Blur { sigma_px: 0.4, wavelength_nm: None });
         let most = if name == "fast" { 0.038 } else { 0.016 };
         for [x, y, z] in PLACES {
@@ -429,19 +432,24 @@ fn light_alone_is_the_same_light() {
     }
 }
 
-/// Images in single precision, from pictures of the cell where rays are straight, against those with all quantities:
-/// the light is theirs, and derivatives are as near to its differences.
+/// Images in single precision, from pictures of the cell, against those with all quantities: the light is theirs, and
+/// derivatives are as near to its differences. Where rays bend, pictures follow them to second order; the tests above
+/// hold both images against rays.
 #[test]
 fn places_are_those_of_the_slow_twin() {
     const STEP_MM: f64 = 2e-5;
-    for (name, camera) in cameras().into_iter().chain([0.3, 0.8].into_iter().flat_map(blurred_cameras)) {
+    let mut aberrated = aberrated();
+    aberrated.iter_mut().for_each(|(_, camera)| camera.blur = Some(Blur { sigma_px: 0.4, wavelength_nm: None }));
+    let blurred = [0.3, 0.8].into_iter().flat_map(blurred_cameras).chain(aberrated);
+    for (name, camera) in cameras().into_iter().chain(blurred) {
+        let [most, more] = if is_bent(&camera) { [0.006, 0.06] } else { [0.003, 0.02] };
         let model = ParticleModel::new(&camera, SIGMA_MM, DEPTH_MM).unwrap();
         for (place, size) in PLACES.into_iter().zip([1.0, 0.7, 1.0, 1.5, 1.1]) {
             let (slow, fast) = (image_of(&model, place, size), places(&model, place, size, false));
             let value = |map: &Pixels, at, quantity: usize| map.get(at).map_or(0.0, |pixel| pixel[quantity]);
             let either = slow.keys().chain(fast.keys().filter(|at| !slow.contains_key(at)));
             let light = 0.5 * either.map(|at| (value(&slow, at, 0) - value(&fast, at, 0)).abs()).sum::<f64>();
-            assert!(light < 0.003, "{name} {place:?}: {light:.5}");
+            assert!(light < most, "{name} {place:?}: {light:.5}");
             for quantity in 1..PLACES_OF_A_PIXEL {
                 let [before, after] = [-STEP_MM, STEP_MM].map(|by| {
                     let mut place = place;
@@ -458,7 +466,7 @@ fn places_are_those_of_the_slow_twin() {
                 }
                 let [off_slow, off_fast] = [off_slow, off_fast].map(|off| f64::sqrt(off / whole));
                 assert!(
-                    off_fast < off_slow + 0.02,
+                    off_fast < off_slow + more,
                     "{name} {place:?} quantity {quantity}: {off_fast:.4} for {off_slow:.4}"
                 );
             }
