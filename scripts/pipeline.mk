@@ -50,8 +50,8 @@ QUANTILE = 0.05
 # An image of the frames' size that is 0 where walls and reflections hide the particles, or nothing.
 MASK =
 
-# The volume: pixels per voxel, depth and sides in mm. Without pixels per voxel: by the preset and the camera's depth
-# resolution. Without sides: what the sensor sees.
+# The volume: pixels per voxel, depth and sides in mm. Without pixels per voxel: 4,4,r for lf-fit, otherwise by the
+# preset and the camera's depth resolution r. Without sides: what the sensor sees.
 PVR =
 DEPTH = -5,5
 BOUNDS =
@@ -242,12 +242,16 @@ $(OUT)/background-%.exr: $(NOMINAL) | $(LOG)
 flow-of = $(if $(FLOW),$(OUT)/flow-$1.exr)
 given = $(call file-of,$1) $(CAMERA) $(call background-of,$1) $(MASK)
 hidden = $(addprefix --mask ,$(MASK))
+# lf-fit finds no more particles on finer voxels. A swapped stage does not get this either.
+coarse = 4,4,r
+is-fitted = $(if $(draws),$(filter lf-prune,$(notdir $(firstword $(PRUNE)))))
+voxels = $(or $(PVR),$(if $(PRESET),,$(if $(is-fitted),$(coarse))))
 fields-of = $(foreach pair,$(pairs),$(if $(filter $1,$(call split,$(pair))),$(OUT)/field-$(pair).exr $(call flow-of,$(pair))))
 preset = $(if $(filter lf-prune lf-mart,$(notdir $(firstword $1))),$(addprefix --preset ,$(PRESET)))
 sweeps = $(if $(filter lf-mart,$(notdir $(firstword $(MART)))),--log $(OUT)/volume-$1.sweeps.jsonl)
 
 $(supports): $(OUT)/support-%.lfv: $$(call given,$$*) | $(LOG)
-	$(call step,$(PRUNE) $(call frame-of,$*) -c $(CAMERA) $(call subtract,$*) $(hidden) $(colour) $(addprefix --pvr ,$(PVR)) --depth $(DEPTH) \
+	$(call step,$(PRUNE) $(call frame-of,$*) -c $(CAMERA) $(call subtract,$*) $(hidden) $(colour) $(addprefix --pvr ,$(voxels)) --depth $(DEPTH) \
 	    $(addprefix --bounds ,$(BOUNDS)) $(call preset,$(PRUNE)) $(addprefix --threshold ,$(THRESHOLD)) $(PRUNE_FLAGS),\
 	    $(OUT)/volume-$*.lfv $(call fields-of,$*))
 

@@ -45,13 +45,14 @@ impl Grid {
             })
     }
 
-    /// A grid of `round(extent / spacing)` voxels an axis, 1 or more, centred in `bounds_mm`, the ends of each axis.
+    /// The fewest voxels that cover `bounds_mm`, the ends of each axis, within rounding; centred in them.
     pub fn in_bounds(bounds_mm: [[f64; 2]; 3], spacing_mm: [f64; 3]) -> Result<Self, Refusal> {
         let mut shape = [0; 3];
         let mut origin_mm = [0.0; 3];
         for axis in 0..3 {
             let [low, high] = bounds_mm[axis];
-            let count = ((high - low) / spacing_mm[axis]).round();
+            let voxels = (high - low) / spacing_mm[axis];
+            let count = (voxels - TOLERANCE * voxels).ceil();
             let holds_voxels = count >= 1.0 && count < 2f64.powi(40) && spacing_mm[axis] > 0.0;
             let (name, [from, to, step]) = (["x", "y", "z"][axis], [low, high, spacing_mm[axis]].map(short));
             let found = || format!("{name} from {from} to {to} mm in steps of {step} mm holds no voxel");
@@ -124,10 +125,10 @@ mod tests {
     use super::*;
 
     #[test]
-    fn grid_is_centred_in_its_extent() {
+    fn grid_is_centred_in_its_bounds_and_covers_them() {
         let grid = Grid::in_bounds([[-1.0, 1.0], [0.0, 1.04], [-5.0, 5.0]], [0.5, 0.25, 10.0]).unwrap();
-        assert_eq!(grid.shape, [4, 4, 1]);
-        assert_eq!(grid.origin_mm, [-0.75, 0.52 - 0.375, 0.0]);
+        assert_eq!(grid.shape, [4, 5, 1]);
+        assert_eq!(grid.origin_mm, [-0.75, 0.52 - 0.5, 0.0]);
         for index in 0..grid.len() {
             assert_eq!(grid.index(grid.voxel(index)), index);
         }

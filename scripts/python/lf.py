@@ -126,10 +126,10 @@ class Grid:
 
     @classmethod
     def in_bounds(cls, bounds_mm, spacing_mm) -> Grid:
-        """round(extent / spacing) voxels an axis, centred in `bounds_mm` = [[x0, x1], [y0, y1], [z0, z1]]."""
+        """The fewest voxels that cover `bounds_mm` = [[x0, x1], [y0, y1], [z0, z1]] within rounding, centred in them."""
         low, high = np.array(bounds_mm, float).T
         spacing = np.array(spacing_mm, float)
-        shape = np.floor((high - low) / spacing + 0.5).astype(int)
+        shape = np.ceil((1 - 1e-9) * (high - low) / spacing).astype(int)
         if not (shape >= 1).all():
             raise Refused(f"--pvr, --depth, --bounds: {shape.tolist()} voxels; wanted a grid with voxels")
         origin = 0.5 * (low + high) - 0.5 * (shape - 1) * spacing

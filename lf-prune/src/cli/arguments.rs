@@ -47,8 +47,8 @@ pub struct Arguments {
     /// Defaults between speed and accuracy for the whole chain; typed options override them
     #[arg(long, value_parser = Preset::parser(preset::help), help_heading = VOLUME)]
     pub preset: Option<Preset>,
-    /// Pixels per voxel along x, y, z. Choose 1 or 2 across, as particle images are about 2 px wide. Along z, `r` is
-    /// the camera's depth resolution, which -v shows: r/2 puts two voxels into it [default: 1,1,r/2]
+    /// Pixels per voxel along x, y, z. For lf-mart choose 1 or 2 across, as particle images are about 2 px wide; for
+    /// lf-fit, 4,4,r. Along z, `r` is the camera's depth resolution, which -v shows [default: 1,1,r/2]
     #[arg(long, value_name = "X,Y,Z", value_parser = Pvr::parse, help_heading = VOLUME)]
     pub pvr: Option<Pvr>,
     /// Depth of the volume, mm, from far to near: towards the camera is positive, 0 is in focus

@@ -19,7 +19,7 @@ const EXPERIMENTS: &str = "For experiments";
     max_term_width = 100,
     after_help = "Examples, in out/ after scripts/demo:
   lf-fit support-0000.lfv -i scene/frame-0000.exr -c camera.json --particles particles-0000.csv
-  lf-prune scene/frame-0000.exr -c camera.json --pvr 2,2,20 --depth -5,5 |
+  lf-prune scene/frame-0000.exr -c camera.json --pvr 4,4,r --depth -5,5 |
       lf-fit -i scene/frame-0000.exr -c camera.json --particles particles.csv -o drawn.lfv"
 )]
 pub struct Arguments {
