@@ -46,7 +46,7 @@ struct Bend {
 }
 
 impl Departure {
-    /// For a lenslet at `axes`. Picture and lenslet grow by `picture` and `growths` px a mm along the array. The picture's
+    /// For a lenslet at `axes`. Picture and lenslet grow by `picture` and `growths` px a mm on the array. The picture's
     /// middle is at `middle` px; `variances` are v and c, px^2.
     #[inline(always)]
     pub(super) fn new(
