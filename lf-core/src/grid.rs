@@ -45,14 +45,15 @@ impl Grid {
             })
     }
 
-    /// The fewest voxels that cover `bounds_mm`, the ends of each axis, within rounding; centred in them.
+    /// A grid centred in `bounds_mm`, the ends of each axis: `round(extent / spacing)` voxels along x and y, and along z
+    /// as many as cover the depth. Voxels are deep, and particles that lie beside them are lost.
     pub fn in_bounds(bounds_mm: [[f64; 2]; 3], spacing_mm: [f64; 3]) -> Result<Self, Refusal> {
         let mut shape = [0; 3];
         let mut origin_mm = [0.0; 3];
         for axis in 0..3 {
             let [low, high] = bounds_mm[axis];
             let voxels = (high - low) / spacing_mm[axis];
-            let count = (voxels - TOLERANCE * voxels).ceil();
+            let count = if axis == 2 { (voxels - TOLERANCE * voxels).ceil() } else { voxels.round() };
             let holds_voxels = count >= 1.0 && count < 2f64.powi(40) && spacing_mm[axis] > 0.0;
             let (name, [from, to, step]) = (["x", "y", "z"][axis], [low, high, spacing_mm[axis]].map(short));
             let found = || format!("{name} from {from} to {to} mm in steps of {step} mm holds no voxel");
@@ -125,10 +126,10 @@ mod tests {
     use super::*;
 
     #[test]
-    fn grid_is_centred_in_its_bounds_and_covers_them() {
-        let grid = Grid::in_bounds([[-1.0, 1.0], [0.0, 1.04], [-5.0, 5.0]], [0.5, 0.25, 10.0]).unwrap();
-        assert_eq!(grid.shape, [4, 5, 1]);
-        assert_eq!(grid.origin_mm, [-0.75, 0.52 - 0.5, 0.0]);
+    fn grid_is_centred_in_its_bounds_and_covers_the_depth() {
+        let grid = Grid::in_bounds([[-1.0, 1.0], [0.0, 1.04], [-5.0, 6.0]], [0.5, 0.25, 10.0]).unwrap();
+        assert_eq!(grid.shape, [4, 4, 2]);
+        assert_eq!(grid.origin_mm, [-0.75, 0.52 - 0.375, -4.5]);
         for index in 0..grid.len() {
             assert_eq!(grid.index(grid.voxel(index)), index);
         }

@@ -126,10 +126,11 @@ class Grid:
 
     @classmethod
     def in_bounds(cls, bounds_mm, spacing_mm) -> Grid:
-        """The fewest voxels that cover `bounds_mm` = [[x0, x1], [y0, y1], [z0, z1]] within rounding, centred in them."""
+        """Centred in `bounds_mm` = [[x0, x1], [y0, y1], [z0, z1]]: voxels that cover the depth; x and y are rounded."""
         low, high = np.array(bounds_mm, float).T
         spacing = np.array(spacing_mm, float)
-        shape = np.ceil((1 - 1e-9) * (high - low) / spacing).astype(int)
+        voxels = (high - low) / spacing
+        shape = np.array([*np.floor(voxels[:2] + 0.5), np.ceil((1 - 1e-9) * voxels[2])]).astype(int)
         if not (shape >= 1).all():
             raise Refused(f"--pvr, --depth, --bounds: {shape.tolist()} voxels; wanted a grid with voxels")
         origin = 0.5 * (low + high) - 0.5 * (shape - 1) * spacing
