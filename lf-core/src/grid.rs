@@ -45,8 +45,8 @@ impl Grid {
             })
     }
 
-    /// A grid centred in `bounds_mm`, the ends of each axis: `round(extent / spacing)` voxels along x and y, and along z
-    /// as many as cover the depth. Voxels are deep, and particles that lie beside them are lost.
+    /// A grid centred in `bounds_mm`, the ends of each axis: `round(extent / spacing)` voxels along x and y, and along
+    /// z as many as cover the depth. Voxels are deep, and particles that lie beside them are lost.
     pub fn in_bounds(bounds_mm: [[f64; 2]; 3], spacing_mm: [f64; 3]) -> Result<Self, Refusal> {
         let mut shape = [0; 3];
         let mut origin_mm = [0.0; 3];
