@@ -43,6 +43,15 @@ fn terms(place: DVec2) -> [f64; TERMS] {
     [1.0, u, v, u * u, u * v, v * v, u * u * u, u * u * v, u * v * v, v * v * v, u * fourth, v * fourth]
 }
 
+/// The sum of [`terms`] at (u, v) with coefficients, in single precision.
+#[inline(always)]
+pub(super) fn sum_of_terms(t: &[f32; TERMS], u: f32, v: f32) -> f32 {
+    let square = u * u + v * v;
+    let along = t[1] + u * (t[3] + u * t[6] + v * t[7]) + v * t[4];
+    let across = t[2] + v * (t[5] + v * t[9] + u * t[8]);
+    t[0] + u * along + v * across + square * square * (u * t[10] + v * t[11])
+}
+
 impl Tracer {
     pub(super) fn new(camera: &Camera) -> Self {
         Self { bend: camera.has_bent_rays().then(least_squares) }

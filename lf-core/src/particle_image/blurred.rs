@@ -87,7 +87,7 @@ impl<T: Listed> LensletImage<'_, T> {
 
         // Take the mean of the cell over each pixel.
         let per_slope = DVec2::new(axes[0].per_slope, axes[1].per_slope);
-        let kernel = (PIXEL_VARIANCE + blur.sigma_px * blur.sigma_px) * per_slope * per_slope;
+        let kernel = blur.kernel_px2() * per_slope * per_slope;
         if self.beam.is_bent() {
             self.follow_bent_rays(blur, line, (kernel, per_slope), scratch);
             T::means_at::<N>(ladder, scratch);
@@ -219,7 +219,7 @@ impl<T: Listed> LensletImage<'_, T> {
     fn stretch(&self, blur: &SensorBlur, scratch: &mut Scratch) {
         let Scratch { hits, points, means, .. } = scratch;
         let columns = points[0].len();
-        let variance = blur.sigma_px * blur.sigma_px + PIXEL_VARIANCE;
+        let variance = blur.kernel_px2();
         for (n, hit) in hits.iter().enumerate() {
             let [a, b] = hit.by_px;
             let most = MOST_STRETCH * hit.sigma_mm * hit.sigma_mm;

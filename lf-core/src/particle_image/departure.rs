@@ -11,7 +11,7 @@
 //! of the cell and its spot, takes the second order from it, as is right for a Gaussian cell.
 
 use super::axis::Axis;
-use super::beam::{Beam, TERMS};
+use super::beam::{Beam, TERMS, sum_of_terms};
 use super::picture_means::{NUMBERS, PictureMeans};
 use super::pictures::LANES;
 use glam::DVec2;
@@ -112,14 +112,8 @@ impl Departure {
             } else {
                 (u.clamp(-1.0, 1.0), v.clamp(-1.0, 1.0))
             };
-            let square = u * u + v * v;
-            let bend = |t: &[f32; TERMS]| {
-                let along = t[1] + u * (t[3] + u * t[6] + v * t[7]) + v * t[4];
-                let across = t[2] + v * (t[5] + v * t[9] + u * t[8]);
-                t[0] + u * along + v * across + square * square * (u * t[10] + v * t[11])
-            };
-            found[0][k] += bend(&terms[0]) + curved[0];
-            found[1][k] += bend(&terms[1]) + curved[1];
+            found[0][k] += sum_of_terms(&terms[0], u, v) + curved[0];
+            found[1][k] += sum_of_terms(&terms[1], u, v) + curved[1];
         }
         found
     }

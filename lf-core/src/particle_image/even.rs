@@ -13,7 +13,7 @@ use super::lenslet_image::{LIGHT, LensletImage, Listed, PLACES, Patch, Scratch};
 use super::lenslet_lines::LensletLine;
 use super::picture_means::{NUMBERS, PictureMeans};
 use super::pictures::LANES;
-use super::sensor_blur::{PIXEL_VARIANCE, SensorBlur};
+use super::sensor_blur::SensorBlur;
 use super::view::View;
 use glam::DVec2;
 
@@ -86,9 +86,9 @@ impl<T: Listed> LensletImage<'_, T> {
             return None;
         }
         let stop = (optics.half_aperture_mm, *has_round_stop);
-        let kernel = PIXEL_VARIANCE + blur.sigma_px * blur.sigma_px;
         let cell = mean * mean * (corner.length_squared() / 6.0 + self.spot_mm * self.spot_mm);
-        let departure = Departure::new(self.beam, (axes, alpha), (growths, own), (middle, [kernel, cell]), stop);
+        let departure =
+            Departure::new(self.beam, (axes, alpha), (growths, own), (middle, [blur.kernel_px2(), cell]), stop);
         let edge = (mean.abs() * *corner).as_vec2().to_array();
         (departure.largest(edge) < FARTHEST_PX).then_some(Some(departure))
     }
@@ -122,7 +122,8 @@ impl<T: Listed> LensletImage<'_, T> {
         // Take the last picture, or that in the middle, which may serve all lenslets, or one of the own scale.
         let middle = [0, 1].map(|n| axes[n].zero + growths[n] * axes[n].chief);
         let depart = |other: f64| self.depart(blur, (&axes, alpha), (growths, middle), other, blur_px(other));
-        let mut candidates = [even.scale, even.middle, scale].into_iter();
+        let middles = (even.middle != even.scale).then_some(even.middle);
+        let mut candidates = [Some(even.scale), middles, Some(scale)].into_iter().flatten();
         let (taken, departure) = candidates.find_map(|other| Some((other, depart(other)?)))?;
         if taken != even.scale {
             even.scale = taken;
@@ -184,7 +185,7 @@ impl<T: Listed> LensletImage<'_, T> {
             stop_grows: (-half * x.gamma * x.slope.signum()) as f32,
             stop: [0, 1].map(|n| (axes[n].zero - middle[n]) as f32),
             half: (half * x.slope.abs()) as f32,
-            variance: (PIXEL_VARIANCE + blur.sigma_px * blur.sigma_px) as f32,
+            variance: blur.kernel_px2() as f32,
             to_place: [0, 1, 2].map(|n| [chief_by[n].x as f32, chief_by[n].y as f32, alpha_by[n] as f32]),
         }
     }

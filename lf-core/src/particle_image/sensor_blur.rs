@@ -51,6 +51,12 @@ impl SensorBlur {
         REACH * self.sigma_px
     }
 
+    /// Variance of the pixel and the blur together, px^2.
+    #[inline(always)]
+    pub(super) fn kernel_px2(&self) -> f64 {
+        PIXEL_VARIANCE + self.sigma_px * self.sigma_px
+    }
+
     /// The spot of a particle on the array, widened by the blur. `px_by_stop` is how many pixels a millimetre of the
     /// stop covers.
     #[inline(always)]
