@@ -43,13 +43,17 @@ fn terms(place: DVec2) -> [f64; TERMS] {
     [1.0, u, v, u * u, u * v, v * v, u * u * u, u * u * v, u * v * v, v * v * v, u * fourth, v * fourth]
 }
 
-/// The sum of [`terms`] at (u, v) with coefficients, in single precision.
+/// The sum of [`terms`] at (u, v) with coefficients, in single precision, and its derivatives by u and v.
 #[inline(always)]
-pub(super) fn sum_of_terms(t: &[f32; TERMS], u: f32, v: f32) -> f32 {
-    let square = u * u + v * v;
+pub(super) fn sum_of_terms(t: &[f32; TERMS], u: f32, v: f32) -> (f32, [f32; 2]) {
+    let (square, radial) = (u * u + v * v, u * t[10] + v * t[11]);
     let along = t[1] + u * (t[3] + u * t[6] + v * t[7]) + v * t[4];
     let across = t[2] + v * (t[5] + v * t[9] + u * t[8]);
-    t[0] + u * along + v * across + square * square * (u * t[10] + v * t[11])
+    let by_u = t[1] + u * (2.0 * t[3] + 3.0 * u * t[6] + 2.0 * v * t[7]) + v * (t[4] + v * t[8]);
+    let by_v = t[2] + v * (2.0 * t[5] + 3.0 * v * t[9] + 2.0 * u * t[8]) + u * (t[4] + u * t[7]);
+    let (fourth, both) = (square * square, 4.0 * square * radial);
+    let sum = t[0] + u * along + v * across + fourth * radial;
+    (sum, [by_u + u * both + fourth * t[10], by_v + v * both + fourth * t[11]])
 }
 
 impl Tracer {

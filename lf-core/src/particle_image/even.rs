@@ -8,17 +8,18 @@
 use super::axis::Axis;
 use super::blurred;
 use super::cell_surface::Ladder;
-use super::departure::Departure;
+use super::departure::{Bumps, Departure};
 use super::lenslet_image::{LIGHT, LensletImage, Listed, PLACES, Patch, Scratch};
 use super::lenslet_lines::LensletLine;
 use super::picture_means::{NUMBERS, PictureMeans};
 use super::pictures::LANES;
 use super::sensor_blur::SensorBlur;
 use super::view::View;
+use crate::normal::quick_distribution;
 use glam::DVec2;
 
 /// A pixel with a smaller mean of the cell is dark.
-const DARK: f32 = 1e-5;
+pub(super) const DARK: f32 = 1e-5;
 /// Largest departure of a lenslet from a picture, px at the edge of its cell.
 const FARTHEST_PX: f32 = 0.12;
 /// Largest growth from one lenslet's picture to another's, px at its edge, and as a share. Lenslets before a tilted
@@ -72,8 +73,8 @@ impl<T: Listed> LensletImage<'_, T> {
         blur: &SensorBlur,
         (axes, alpha): (&[Axis; 2], DVec2),
         (growths, middle): ([f64; 2], [f64; 2]),
-        scale: f64,
-        blur_px: f64,
+        (scale, blur_px): (f64, f64),
+        is_whole: bool,
     ) -> Option<Option<Departure>> {
         let mean = 0.5 * (growths[0] + growths[1]);
         let own = scale.copysign(mean);
@@ -85,10 +86,8 @@ impl<T: Listed> LensletImage<'_, T> {
         if (mean / own - 1.0).abs() > most || !pictures.as_ref()?.has(scale, blur_px) {
             return None;
         }
-        let stop = (optics.half_aperture_mm, *has_round_stop);
-        let cell = mean * mean * (corner.length_squared() / 6.0 + self.spot_mm * self.spot_mm);
-        let departure =
-            Departure::new(self.beam, (axes, alpha), (growths, own), (middle, [blur.kernel_px2(), cell]), stop);
+        let stop = (optics.half_aperture_mm, *has_round_stop, !is_whole);
+        let departure = Departure::new(self.beam, (axes, alpha), (growths, own), (middle, blur.kernel_px2()), stop);
         let edge = (mean.abs() * *corner).as_vec2().to_array();
         (departure.largest(edge) < FARTHEST_PX).then_some(Some(departure))
     }
@@ -121,7 +120,9 @@ impl<T: Listed> LensletImage<'_, T> {
         let Scratch { even, places, .. } = scratch;
         // Take the last picture, or that in the middle, which may serve all lenslets, or one of the own scale.
         let middle = [0, 1].map(|n| axes[n].zero + growths[n] * axes[n].chief);
-        let depart = |other: f64| self.depart(blur, (&axes, alpha), (growths, middle), other, blur_px(other));
+        let is_whole = self.is_inside_stop(&axes, alpha);
+        let depart =
+            |other: f64| self.depart(blur, (&axes, alpha), (growths, middle), (other, blur_px(other)), is_whole);
         let middles = (even.middle != even.scale).then_some(even.middle);
         let mut candidates = [Some(even.scale), middles, Some(scale)].into_iter().flatten();
         let (taken, departure) = candidates.find_map(|other| Some((other, depart(other)?)))?;
@@ -141,7 +142,6 @@ impl<T: Listed> LensletImage<'_, T> {
             return Some(None);
         };
         let (columns, rows) = ((right - left) as usize, (bottom - top) as usize);
-        let is_whole = self.is_inside_stop(&axes, alpha);
         let first = [left as f64 + 0.5 - middle[0], top as f64 + 0.5 - middle[1]];
         if N <= LIGHT && is_whole && departure.is_none() {
             even.read::<1>(first, [columns, rows]);
@@ -149,21 +149,19 @@ impl<T: Listed> LensletImage<'_, T> {
             even.read::<NUMBERS>(first, [columns, rows]);
         }
         let factors = self.factors(blur, (&axes, alpha), middle);
-        if let Some(departure) = departure {
-            departure.change(even, columns * rows);
-        }
 
         places.clear();
         places.resize(columns * rows, [0.0; PLACES]);
         let is_round = self.view.has_round_stop;
+        let light = (&*even, departure.as_ref());
         match (is_whole, is_round) {
-            (true, _) if N <= LIGHT => {
-                let lit = places.iter_mut().zip(&even.means[0]).filter(|(_, mean)| **mean > DARK);
+            (true, _) if N <= LIGHT && departure.is_none() => {
+                let lit = places.iter_mut().zip(&light.0.means[0]).filter(|(_, mean)| **mean > DARK);
                 lit.for_each(|(out, mean)| out[0] = factors.scale * mean);
             }
-            (true, _) => factors.light(even, places, |_, _, _| (1.0, [0.0; 2], 0.0)),
-            (_, true) => factors.light(even, places, |u, v, mixed| factors.in_round(u, v, mixed)),
-            (_, false) => factors.light(even, places, |u, v, _| factors.in_square(u, v)),
+            (true, _) => factors.light(light, places, |_, _, _| (1.0, [0.0; 2], 0.0)),
+            (_, true) => factors.light(light, places, |u, v, mixed| factors.in_round(u, v, mixed)),
+            (_, false) => factors.light(light, places, |u, v, _| factors.in_square(u, v)),
         }
         let [column, row] = [left, top].map(|first| first as u32);
         Some(Some(Patch { column, row, columns: columns as u32, rows: rows as u32 }))
@@ -197,35 +195,42 @@ impl Factors {
     #[inline(always)]
     fn light(
         &self,
-        PictureMeans { means, places, .. }: &PictureMeans,
+        (PictureMeans { means, places, .. }, departure): (&PictureMeans, Option<&Departure>),
         out: &mut [[f32; PLACES]],
         inside: impl Fn([f32; 2], [f32; 2], f32) -> (f32, [f32; 2], f32),
     ) {
         let v = self.variance;
-        let (most, least) = (blurred::MOST_SHIFT as f32 * v.sqrt(), self.least_variance());
+        let (most, least) = (blurred::MOST_SHIFT as f32 * v.sqrt(), blurred::LEAST_VARIANCE as f32);
         for (first, out) in (0..).step_by(LANES).zip(out.chunks_mut(LANES)) {
             let eight = |numbers: &Vec<f32>| -> [f32; LANES] {
                 numbers[first..first + LANES].try_into().expect("eight pixels")
             };
-            let [mean, mean_x, mean_y, mean_xx, mean_xy, mean_yy] = means.each_ref().map(eight);
-            let [at_x, at_y] = places.each_ref().map(eight);
+            let (means, places) = (means.each_ref().map(eight), places.each_ref().map(eight));
+            // The slope and the curvature of the logarithm of the mean give the bump.
+            let (mut bumps, mut logs) = (Bumps { places, widths: [[0.0; LANES]; 3] }, [[0f32; LANES]; 5]);
+            for n in 0..LANES {
+                let [mean, x, y, xx, xy, yy] = [0, 1, 2, 3, 4, 5].map(|number| means[number][n]);
+                let per_mean = 1.0 / mean.max(DARK);
+                let (x, y) = (x * per_mean, y * per_mean);
+                let (xx, xy, yy) = (xx * per_mean - x * x, xy * per_mean - x * y, yy * per_mean - y * y);
+                (logs[0][n], logs[1][n], logs[2][n], logs[3][n], logs[4][n]) = (x, y, xx, xy, yy);
+                bumps.places[0][n] += (v * x).max(-most).min(most);
+                bumps.places[1][n] += (v * y).max(-most).min(most);
+                bumps.widths[0][n] = (1.0 + v * xx).max(least);
+                bumps.widths[1][n] = v * xy;
+                bumps.widths[2][n] = (1.0 + v * yy).max(least);
+            }
+            let moved = if let Some(departure) = departure { departure.follow(&bumps, &means) } else { means };
             let mut numbers = [[0f32; LANES]; PLACES];
             for n in 0..LANES {
-                let (q, slope) = ([at_x[n], at_y[n]], [mean_x[n], mean_y[n]]);
-                let (xx, xy, yy) = (mean_xx[n], mean_xy[n], mean_yy[n]);
-                // The slope and the curvature of the logarithm of the mean give the bump.
-                let per_mean = 1.0 / mean[n].max(DARK);
-                let (log_x, log_y) = (slope[0] * per_mean, slope[1] * per_mean);
-                let (log_xx, log_yy) = (xx * per_mean - log_x * log_x, yy * per_mean - log_y * log_y);
-                let log_xy = xy * per_mean - log_x * log_y;
-                let u = [
-                    q[0] - self.stop[0] + (v * log_x).max(-most).min(most),
-                    q[1] - self.stop[1] + (v * log_y).max(-most).min(most),
-                ];
-                let variance = [(v + v * v * log_xx).max(least), (v + v * v * log_yy).max(least)];
-                let (share, by_u, by_half) = inside(u, variance, v * v * log_xy);
-                let (of_mean, of_share) = (self.scale * share, self.scale * mean[n]);
-                let light = of_mean * mean[n];
+                let (mean, slope, xx, yy) = (moved[0][n], [moved[1][n], moved[2][n]], moved[3][n], moved[5][n]);
+                let q = [places[0][n], places[1][n]];
+                let [log_x, log_y, log_xx, log_xy, log_yy] = [0, 1, 2, 3, 4].map(|number| logs[number][n]);
+                let u = [bumps.places[0][n] - self.stop[0], bumps.places[1][n] - self.stop[1]];
+                let [wide_x, mixed, wide_y] = [0, 1, 2].map(|number| v * bumps.widths[number][n]);
+                let (share, by_u, by_half) = inside(u, [wide_x, wide_y], mixed);
+                let (of_mean, of_share) = (self.scale * share, self.scale * mean);
+                let light = of_mean * mean;
                 // By m along x, m along y and alpha: the picture moves, and the bump with it.
                 let by = |[x, y]: [f32; 2]| {
                     let bump = [-v * (log_xx * x + log_xy * y), -v * (log_xy * x + log_yy * y)];
@@ -239,7 +244,7 @@ impl Factors {
                     - self.grows * (of_mean * growth + v * of_share * (by_u[0] * bump[0] + by_u[1] * bump[1]))
                     + of_share * by_half * self.stop_grows
                     + light * self.growth;
-                let lit = if mean[n] > DARK { 1.0 } else { 0.0 };
+                let lit = if means[0][n] > DARK { 1.0 } else { 0.0 };
                 let place = |[x, y, alpha]: [f32; 3]| lit * (x * by_x + y * by_y + alpha * by_alpha);
                 numbers[0][n] = lit * light;
                 numbers[1][n] = place(self.to_place[0]);
@@ -268,7 +273,7 @@ impl Factors {
         let across = (square[0] * variance[0] + square[1] * variance[1] + cross).max(self.least_variance());
         let along = (square[1] * variance[0] + square[0] * variance[1] - cross).max(0.0);
         let per_sigma = 1.0 / across.sqrt();
-        let (share, density) = distribution((self.half - radius - 0.5 * along / self.half) * per_sigma);
+        let (share, density) = quick_distribution((self.half - radius - 0.5 * along / self.half) * per_sigma);
         let by = density * per_sigma;
         (share, [-by * out[0], -by * out[1]], by)
     }
@@ -277,27 +282,10 @@ impl Factors {
     fn in_square(&self, u: [f32; 2], variance: [f32; 2]) -> (f32, [f32; 2], f32) {
         let side = |u: f32, variance: f32| {
             let per_sigma = 1.0 / variance.sqrt();
-            let (share, density) = distribution((self.half - u.abs()) * per_sigma);
+            let (share, density) = quick_distribution((self.half - u.abs()) * per_sigma);
             (share, density * per_sigma, u.signum())
         };
         let ((x, by_x, x_sign), (y, by_y, y_sign)) = (side(u[0], variance[0]), side(u[1], variance[1]));
         (x * y, [-by_x * y * x_sign, -by_y * x * y_sign], by_x * y + by_y * x)
     }
-}
-
-/// The normal distribution and its density, to 3e-7 and 1e-5: Abramowitz and Stegun 7.1.28 and its derivative. It has
-/// no branch, so that the compiler does it for eight pixels at once.
-#[inline(always)]
-fn distribution(z: f32) -> (f32, f32) {
-    const A: [f32; 6] = [0.070_523_08, 0.042_282_01, 0.009_270_527, 0.000_152_014_3, 0.000_276_567_2, 0.000_043_063_8];
-    let x = (z.abs() * std::f32::consts::FRAC_1_SQRT_2).min(6.0);
-    let level = 1.0 + x * (A[0] + x * (A[1] + x * (A[2] + x * (A[3] + x * (A[4] + x * A[5])))));
-    let slope = A[0] + x * (2.0 * A[1] + x * (3.0 * A[2] + x * (4.0 * A[3] + x * (5.0 * A[4] + x * (6.0 * A[5])))));
-    let inverse = 1.0 / level;
-    let second = inverse * inverse;
-    let fourth = second * second;
-    let eighth = fourth * fourth;
-    let beyond = 0.5 * eighth * eighth;
-    let share = if z > 0.0 { 1.0 - beyond } else { beyond };
-    (share, 16.0 * beyond * inverse * slope * std::f32::consts::FRAC_1_SQRT_2)
 }
