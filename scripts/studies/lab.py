@@ -4,6 +4,7 @@ A study is a list of columns and of runs. `Study.add` keeps the values of a run 
 that runs in parts keeps the others; `Study.write` puts the table of all names into scripts/measured/, between its marks.
 """
 import datetime
+import inspect
 import json
 import os
 import pathlib
@@ -14,6 +15,12 @@ import sys
 import tempfile
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
+# Cameras of scenes.
+TURNED = ["camera.microlenses.rotation_rad=0.003"]
+HEXAGONAL = ["camera.microlenses.layout=hexagonal"]
+DISTORTED = ['camera.distortion={"radial": [5, 0, 0], "tangential": [0.01, 0]}']
+TILT = ['camera.tilt={"x_rad": 0.002, "y_rad": -0.001}']
+WATER = ['camera.medium={"index": 1.333, "window_z_mm": 60, "window_thickness_mm": 20, "window_index": 1.49}']
 PIXEL = 0.0055  # mm, of all ready scenes, at the focal plane of those at m = 1
 SCRIPT = os.path.abspath(sys.argv[0])
 PYTHON = os.environ.get("PYTHON", sys.executable)
@@ -192,5 +199,9 @@ def main(studies, file, default=None):
     name, words = (sys.argv[1], sys.argv[2:]) if len(sys.argv) > 1 else (default, [])
     if name not in studies:
         sys.exit(f"{file}: '{name}'; wanted {', '.join(studies)}")
+    try:
+        inspect.signature(studies[name]).bind(*words)
+    except TypeError as error:
+        sys.exit(f"{file} {name}: {error}")
     start(file, "--workspace")
     studies[name](*words)
