@@ -31,18 +31,17 @@ pub(super) struct Departure {
     /// Share of the place along both axes.
     grows: [f32; 2],
     bend: Option<Bend>,
-    /// v, px^2.
-    variance: f32,
     stop: Stop,
     /// Whether the stop's rim cuts bumps.
     is_cut: bool,
 }
 
 /// The stop in a lenslet's image, px from the picture's middle, and half its size.
-struct Stop {
-    middle: [f32; 2],
-    half: f32,
-    is_round: bool,
+#[derive(Clone, Copy)]
+pub(super) struct Stop {
+    pub(super) middle: [f32; 2],
+    pub(super) half: f32,
+    pub(super) is_round: bool,
 }
 
 /// The bumps of eight pixels: their places, px from the picture's middle, and T along x, mixed, and along y.
@@ -78,24 +77,23 @@ struct Local {
 }
 
 impl Departure {
-    /// For a lenslet at `axes`. Picture and lenslet grow by `picture` and `growths` px a mm on the array. The picture's
-    /// middle is at `middle` px; v is the variance of the kernel, px^2.
+    /// For a lenslet at `axes`. Picture and lenslet grow by `picture` and `growths` px a mm on the array. The
+    /// half aperture is in mm, the variance of the kernel in px^2.
     #[inline(always)]
     pub(super) fn new(
         beam: &Beam,
         (axes, alpha): (&[Axis; 2], DVec2),
         (growths, picture): ([f64; 2], f64),
-        (middle, variance): ([f64; 2], f64),
-        (half, is_round, is_cut): (f64, bool, bool),
+        (half, variance): (f64, f64),
+        (stop, is_cut): (Stop, bool),
     ) -> Self {
         let chief = DVec2::new(axes[0].chief, axes[1].chief);
         let slope = DVec2::new(axes[0].slope, axes[1].slope);
-        // Where the middle of the picture lies in the stop.
-        let lit = -chief / alpha;
-        let lit =
-            if is_round { lit.clamp_length_max(half) } else { lit.clamp(DVec2::splat(-half), DVec2::splat(half)) };
         let centre = DVec2::new(axes[0].centre, axes[1].centre);
         let bend = beam.rest(chief + centre, alpha, half).map(|rest| {
+            // Where the middle of the picture lies in the stop.
+            let (lit, side) = (-chief / alpha, DVec2::splat(half));
+            let lit = if stop.is_round { lit.clamp_length_max(half) } else { lit.clamp(-side, side) };
             let second = beam.curvature(lit, half);
             let curved = |n: usize| -0.5 * picture * variance / (slope[n] * slope[n]) * second[n];
             Bend {
@@ -105,12 +103,7 @@ impl Departure {
             }
         });
         let grows = growths.map(|growth| (picture / growth - 1.0) as f32);
-        let stop = Stop {
-            middle: [0, 1].map(|n| (axes[n].zero - middle[n]) as f32),
-            half: (half * slope.x.abs()) as f32,
-            is_round,
-        };
-        Self { grows, bend, variance: variance as f32, stop, is_cut }
+        Self { grows, bend, stop, is_cut }
     }
 
     /// Its largest length on the edge of a rectangle about the picture's middle.
@@ -150,12 +143,13 @@ impl Departure {
         found
     }
 
-    /// The numbers of the means of eight pixels with these bumps, from those of the picture.
+    /// The numbers of the means of eight pixels with these bumps, from those of the picture. `v` is the variance of the
+    /// kernel.
     #[inline(always)]
-    pub(super) fn follow(&self, bumps: &Bumps, means: &[[f32; LANES]; NUMBERS]) -> [[f32; LANES]; NUMBERS] {
+    pub(super) fn follow(&self, bumps: &Bumps, means: &[[f32; LANES]; NUMBERS], v: f32) -> [[f32; LANES]; NUMBERS] {
         let mut cuts = Cuts::none();
         if self.is_cut {
-            self.stop.cut(bumps, self.variance, &mut cuts);
+            self.stop.cut(bumps, v, &mut cuts);
         }
         let mut places = bumps.places;
         for (places, shift) in places.iter_mut().zip(&cuts.shift) {

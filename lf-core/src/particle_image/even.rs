@@ -8,7 +8,7 @@
 use super::axis::Axis;
 use super::blurred;
 use super::cell_surface::Ladder;
-use super::departure::{Bumps, Departure};
+use super::departure::{Bumps, Departure, Stop};
 use super::lenslet_image::{LIGHT, LensletImage, Listed, PLACES, Patch, Scratch};
 use super::lenslet_lines::LensletLine;
 use super::picture_means::{NUMBERS, PictureMeans};
@@ -42,9 +42,8 @@ struct Factors {
     /// Motion of the stop's middle by m, px, along both axes; growth of its half side with alpha.
     stop_moves: [f32; 2],
     stop_grows: f32,
-    /// The stop's middle from the picture's, px, its half side, and the variance of the kernel, px^2.
-    stop: [f32; 2],
-    half: f32,
+    stop: Stop,
+    /// The variance of the kernel, px^2.
     variance: f32,
     /// From derivatives by m and alpha to those by x, y and z.
     to_place: [[f32; 3]; 3],
@@ -72,7 +71,7 @@ impl<T: Listed> LensletImage<'_, T> {
         &self,
         blur: &SensorBlur,
         (axes, alpha): (&[Axis; 2], DVec2),
-        (growths, middle): ([f64; 2], [f64; 2]),
+        (growths, stop): ([f64; 2], Stop),
         (scale, blur_px): (f64, f64),
         is_whole: bool,
     ) -> Option<Option<Departure>> {
@@ -81,13 +80,13 @@ impl<T: Listed> LensletImage<'_, T> {
         if !self.beam.is_bent() && growths.iter().all(|growth| (own / growth - 1.0).abs() < NO_GROWTH) {
             return Some(None);
         }
-        let View { cell_radius, corner, pictures, has_round_stop, optics, .. } = self.view;
+        let View { cell_radius, corner, pictures, optics, .. } = self.view;
         let most = GROWTH.min(GROWTH_PX / (cell_radius * mean.abs()));
         if (mean / own - 1.0).abs() > most || !pictures.as_ref()?.has(scale, blur_px) {
             return None;
         }
-        let stop = (optics.half_aperture_mm, *has_round_stop, !is_whole);
-        let departure = Departure::new(self.beam, (axes, alpha), (growths, own), (middle, blur.kernel_px2()), stop);
+        let (half, variance) = (optics.half_aperture_mm, blur.kernel_px2());
+        let departure = Departure::new(self.beam, (axes, alpha), (growths, own), (half, variance), (stop, !is_whole));
         let edge = (mean.abs() * *corner).as_vec2().to_array();
         (departure.largest(edge) < FARTHEST_PX).then_some(Some(departure))
     }
@@ -120,9 +119,10 @@ impl<T: Listed> LensletImage<'_, T> {
         let Scratch { even, places, .. } = scratch;
         // Take the last picture, or that in the middle, which may serve all lenslets, or one of the own scale.
         let middle = [0, 1].map(|n| axes[n].zero + growths[n] * axes[n].chief);
-        let is_whole = self.is_inside_stop(&axes, alpha);
-        let depart =
-            |other: f64| self.depart(blur, (&axes, alpha), (growths, middle), (other, blur_px(other)), is_whole);
+        let (is_whole, is_round) = (self.is_inside_stop(&axes, alpha), self.view.has_round_stop);
+        let half = (self.view.optics.half_aperture_mm * axes[0].slope.abs()) as f32;
+        let stop = Stop { middle: [0, 1].map(|n| (axes[n].zero - middle[n]) as f32), half, is_round };
+        let depart = |other: f64| self.depart(blur, (&axes, alpha), (growths, stop), (other, blur_px(other)), is_whole);
         let middles = (even.middle != even.scale).then_some(even.middle);
         let mut candidates = [Some(even.scale), middles, Some(scale)].into_iter().flatten();
         let (taken, departure) = candidates.find_map(|other| Some((other, depart(other)?)))?;
@@ -148,15 +148,14 @@ impl<T: Listed> LensletImage<'_, T> {
         } else {
             even.read::<NUMBERS>(first, [columns, rows]);
         }
-        let factors = self.factors(blur, (&axes, alpha), middle);
+        let factors = self.factors(blur, (&axes, alpha), stop);
 
         places.clear();
         places.resize(columns * rows, [0.0; PLACES]);
-        let is_round = self.view.has_round_stop;
         let light = (&*even, departure.as_ref());
         match (is_whole, is_round) {
             (true, _) if N <= LIGHT && departure.is_none() => {
-                let lit = places.iter_mut().zip(&light.0.means[0]).filter(|(_, mean)| **mean > DARK);
+                let lit = places.iter_mut().zip(&even.means[0]).filter(|(_, mean)| **mean > DARK);
                 lit.for_each(|(out, mean)| out[0] = factors.scale * mean);
             }
             (true, _) => factors.light(light, places, |_, _, _| (1.0, [0.0; 2], 0.0)),
@@ -168,7 +167,7 @@ impl<T: Listed> LensletImage<'_, T> {
     }
 
     #[inline(always)]
-    fn factors(&self, blur: &SensorBlur, (axes, alpha): (&[Axis; 2], DVec2), middle: [f64; 2]) -> Factors {
+    fn factors(&self, blur: &SensorBlur, (axes, alpha): (&[Axis; 2], DVec2), stop: Stop) -> Factors {
         let [x, y] = axes;
         let half = self.view.optics.half_aperture_mm;
         let by_m = [0, 1].map(|n| (axes[n].kappa / alpha[n]) as f32);
@@ -181,8 +180,7 @@ impl<T: Listed> LensletImage<'_, T> {
             grows: (-x.kappa * x.per_slope / alpha.x) as f32,
             stop_moves: [x.gamma as f32, y.gamma as f32],
             stop_grows: (-half * x.gamma * x.slope.signum()) as f32,
-            stop: [0, 1].map(|n| (axes[n].zero - middle[n]) as f32),
-            half: (half * x.slope.abs()) as f32,
+            stop,
             variance: blur.kernel_px2() as f32,
             to_place: [0, 1, 2].map(|n| [chief_by[n].x as f32, chief_by[n].y as f32, alpha_by[n] as f32]),
         }
@@ -220,13 +218,13 @@ impl Factors {
                 bumps.widths[1][n] = v * xy;
                 bumps.widths[2][n] = (1.0 + v * yy).max(least);
             }
-            let moved = if let Some(departure) = departure { departure.follow(&bumps, &means) } else { means };
+            let moved = if let Some(departure) = departure { departure.follow(&bumps, &means, v) } else { means };
             let mut numbers = [[0f32; LANES]; PLACES];
             for n in 0..LANES {
                 let (mean, slope, xx, yy) = (moved[0][n], [moved[1][n], moved[2][n]], moved[3][n], moved[5][n]);
                 let q = [places[0][n], places[1][n]];
                 let [log_x, log_y, log_xx, log_xy, log_yy] = [0, 1, 2, 3, 4].map(|number| logs[number][n]);
-                let u = [bumps.places[0][n] - self.stop[0], bumps.places[1][n] - self.stop[1]];
+                let u = [bumps.places[0][n] - self.stop.middle[0], bumps.places[1][n] - self.stop.middle[1]];
                 let [wide_x, mixed, wide_y] = [0, 1, 2].map(|number| v * bumps.widths[number][n]);
                 let (share, by_u, by_half) = inside(u, [wide_x, wide_y], mixed);
                 let (of_mean, of_share) = (self.scale * share, self.scale * mean);
@@ -273,7 +271,7 @@ impl Factors {
         let across = (square[0] * variance[0] + square[1] * variance[1] + cross).max(self.least_variance());
         let along = (square[1] * variance[0] + square[0] * variance[1] - cross).max(0.0);
         let per_sigma = 1.0 / across.sqrt();
-        let (share, density) = quick_distribution((self.half - radius - 0.5 * along / self.half) * per_sigma);
+        let (share, density) = quick_distribution((self.stop.half - radius - 0.5 * along / self.stop.half) * per_sigma);
         let by = density * per_sigma;
         (share, [-by * out[0], -by * out[1]], by)
     }
@@ -282,7 +280,7 @@ impl Factors {
     fn in_square(&self, u: [f32; 2], variance: [f32; 2]) -> (f32, [f32; 2], f32) {
         let side = |u: f32, variance: f32| {
             let per_sigma = 1.0 / variance.sqrt();
-            let (share, density) = quick_distribution((self.half - u.abs()) * per_sigma);
+            let (share, density) = quick_distribution((self.stop.half - u.abs()) * per_sigma);
             (share, density * per_sigma, u.signum())
         };
         let ((x, by_x, x_sign), (y, by_y, y_sign)) = (side(u[0], variance[0]), side(u[1], variance[1]));
