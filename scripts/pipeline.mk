@@ -38,8 +38,8 @@ WHITE = white.exr
 DOTS =
 DOTS_FLAGS =
 
-# Frames with few bright particles, by their differing parts, which correct drift since the calibration. Without any,
-# drift is not corrected.
+# Frames, by their differing parts, whose particles correct the camera: drift since the calibration, and what it left
+# wrong. Ten are enough. Without any, the camera stays as it was calibrated.
 REFINE =
 
 # The background to subtract from every frame: an image, 'auto' for a low quantile of all frames, or nothing. FIRST and
@@ -213,10 +213,17 @@ targets := $(wildcard $(DOTS) $(DOTS:%=%/*))
 $(OUT)/camera-volume.json: $(lattice) $(targets) | $(LOG)
 	$(call step,$(CALIB) volume $(DOTS) $(DOTS_FLAGS) -c $< $(colour))
 
-drifting = $(call each,file-of,$(REFINE)) $(call background-of,$(firstword $(REFINE))) $(MASK)
-$(OUT)/camera-refine.json: $(lens) $$(drifting) | $(LOG)
-	$(call step,$(CALIB) refine $(call each,frame-of,$(REFINE)) -c $< --depth $(DEPTH) \
-	    $(call subtract,$(firstword $(REFINE))) $(hidden) $(colour))
+drifting = $(call each,file-of,$(REFINE)) $(call each,background-of,$(REFINE)) $(MASK)
+shown = $1 -c $(lens) $(call subtract,$*) $(hidden) $(colour)
+evidence := $(REFINE:%=$(OUT)/evidence-%.json)
+$(REFINE:%=$(OUT)/evidence-support-%.lfv): $(OUT)/evidence-support-%.lfv: $(lens) $$(drifting) | $(LOG)
+	$(call step,$(BIN)lf-prune $(call shown,$(call frame-of,$*)) --pvr $(coarse) --depth $(DEPTH))
+
+$(evidence): $(OUT)/evidence-%.json: $(OUT)/evidence-support-%.lfv $(lens) | $(LOG)
+	$(call step,$(BIN)lf-fit $< $(call shown,-i $(call frame-of,$*)) --particles $(OUT)/evidence-$*.csv,,--evidence)
+
+$(OUT)/camera-refine.json: $(lens) $(evidence) | $(LOG)
+	$(call step,$(CALIB) refine $(evidence) -c $<)
 
 $(CAMERA): $(drift) | $(LOG)
 	@cp $< $@.$$$$ && mv $@.$$$$ $@

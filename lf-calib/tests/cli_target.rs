@@ -2,8 +2,10 @@
 
 use crate::scenes::points;
 use crate::workbench::{refused, workbench};
+use lf_core::Camera;
 use lf_tests::Workbench;
 use ndarray::Array2;
+use serde_json::json;
 use std::fs;
 
 /// The tool in a folder with a camera of 20 lenslets, dark images of its size, and one of another size.
@@ -80,31 +82,40 @@ fn targets_that_cannot_be_used() {
 }
 
 #[test]
-fn frames_that_cannot_be_used() {
+fn evidence_that_cannot_be_used() {
     let bench = camera_and_images();
+    let camera = Camera::open(&bench.path("camera.json")).unwrap();
+    let evidence = |camera: Camera, key: &str, value: f64| {
+        json!({"camera": camera, "frame": 3, "particles": 9, "chi2": 1.0, "parameters": [key], "value_px": [value],
+            "gradient": [0.0], "information": [[1e6]]})
+    };
+    let other = Camera { blur: Some(Default::default()), ..camera.clone() };
+    bench.write("other.json", evidence(other, "drift_x_px", 0.1).to_string());
+    bench.write("unknown.json", evidence(camera.clone(), "zoom", 0.1).to_string());
+    let mut short = evidence(camera.clone(), "drift_x_px", 0.1);
+    short["gradient"] = json!([]);
+    bench.write("short.json", short.to_string());
+    bench.write("good.json", evidence(camera, "drift_x_px", 0.1).to_string());
     let unusable =
         |rest: &str, message: &str| refused(&bench, &format!("refine -c camera.json -o out {rest}"), message);
-    let wanted = "wanted 20 or more, out of focus and with all their sub-images in the frame; where particles overlap, \
-                  lf-fit --camera-out finds the drift";
-    unusable("a.exr b.exr --depth -5,5", &format!("2 frames: 0 isolated bright particles in 2 frames; {wanted}"));
-    unusable("a.exr --depth -5,5", &format!("a.exr: 0 isolated bright particles in 1 frames; {wanted}"));
-    unusable("a.exr small.exr --depth -5,5", "small.exr: image of 30 x 20 px; wanted the camera's 280 x 280 px");
-    unusable("a.exr --depth 5,-5", "--depth: 5,-5; wanted two depths that rise, in front of the main lens");
-    unusable(
-        "a.exr --depth -5,500",
-        "--depth: depth 500 mm is too near the main lens, which stands 400.0 mm before the focal plane; wanted two depths \
-         that rise, in front of the main lens",
-    );
-    unusable(
-        "a.exr a.exr --depth -5,5 -b -",
-        "--background: standard input, for several frames; wanted a file, which can be read again",
-    );
-    unusable("none.exr --depth -5,5", "none.exr: no such file; wanted a file to read");
+    unusable("good.json other.json", "other.json: of another camera; wanted lf-fit -c camera.json");
+    unusable("unknown.json", "unknown.json: parameter 'zoom'; wanted what lf-fit --evidence wrote");
+    let uneven = "its lists differ in length or are not numbers; wanted what lf-fit --evidence wrote";
+    unusable("short.json", &format!("short.json: {uneven}"));
+    unusable("none.json", "none.json: no such file; wanted a file to read");
     refused(
         &bench,
-        "refine a.exr --depth -5,5 -c camera.json -o a.exr",
-        "a.exr: is also an input; wanted another file to write to",
+        "refine good.json -c camera.json -o good.json",
+        "good.json: is also an input; wanted another file to write to",
     );
+
+    // A camera that is off by what its frame says.
+    let said = bench.run("refine good.json -c camera.json -o refined.json --stats stats.json");
+    let wanted = "the place of the lenslets along x is 0.1000 +- 0.0018 px too small";
+    assert!(said.stderr.contains(wanted), "{}", said.stderr);
+    let [refined, given] = ["refined.json", "camera.json"].map(|name| Camera::open(&bench.path(name)).unwrap());
+    let moved = refined.microlenses.offset_mm[0] - given.microlenses.offset_mm[0];
+    assert!((moved / given.sensor.pixel_pitch_mm - 0.1).abs() < 1e-9 && refined.calibration.is_some());
 }
 
 /// A folder as `lf-synth dots` writes it gives a camera that keeps the other contents of its file, with the same bytes

@@ -7,7 +7,6 @@ mod frames;
 mod hard;
 mod known;
 mod metamorphic;
-mod refine;
 mod refusals;
 mod scenes;
 mod setup_mistakes;

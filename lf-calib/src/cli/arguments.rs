@@ -3,7 +3,7 @@
 use super::parse::{aperture, layout, numerical_aperture, sensor_px, wavelength_nm, window};
 use clap::{Args, Parser, Subcommand};
 use lf_core::camera::{Aperture, Layout};
-use lf_core::cli::{self, Common, ImageOptions, MemoryLimit, length_mm};
+use lf_core::cli::{Common, ImageOptions, MemoryLimit, length_mm};
 use std::path::PathBuf;
 
 /// White images and particle frames to a camera that can be trusted
@@ -60,15 +60,16 @@ pub enum Task {
   lf-synth scene target | lf-synth dots -o target
   lf-calib volume target -c target/camera.json -v -o calibrated.json")]
     Volume(VolumeArguments),
-    /// Correct a camera for drift since its last calibration, from ordinary frames of particles
+    /// Correct a camera by what the particles of frames show: a bundle adjustment
     ///
-    /// The light of isolated bright particles fills the stop of the main lens. Its middle shows where the lattice is,
-    /// and its size over the frame shows whether the sensor has tilted. Offset, rotation and tilt are changed if the
-    /// particles clearly require it. Magnification, focal length and distortion are kept, because particles have no
-    /// scale. With too few particles nothing is written.
-    #[command(after_help = "Examples; the first makes the frames of the second:
-  lf-synth scene demo --set particles.per_lenslet=0.015 | lf-synth frames -o sparse
-  lf-calib refine sparse/frame-*.exr -c sparse/camera.json --depth -5,5 -v -o refined.json")]
+    /// Each frame brings its evidence by lf-fit, which takes the places of the particles as unknown too. All frames
+    /// together correct what they clearly show: place, pitch, rotation and departures of the lenslets, f-number, tilt,
+    /// blur, spherical aberration and coma. Magnification, focal lengths and distances are kept, because they move all
+    /// particles together. One frame is enough; more show smaller errors.
+    #[command(after_help = "Examples, in out/ after scripts/demo:
+  lf-fit support-0000.lfv -i scene/frame-0000.exr -c camera.json --particles particles-0000.csv \\
+      --evidence evidence-0000.json
+  lf-calib refine evidence-*.json -c camera.json -v -o refined.json")]
     Refine(RefineArguments),
     /// Find the noise of the sensor from white and dark images (photon transfer)
     ///
@@ -256,23 +257,12 @@ pub struct VolumeArguments {
 
 #[derive(Args)]
 pub struct RefineArguments {
-    /// Frames of one size, also pages of a TIFF
+    /// Evidence of the frames (JSON), by lf-fit --evidence
     #[arg(required = true)]
-    pub frames: Vec<PathBuf>,
-    /// Camera to correct, camera.json
+    pub evidence: Vec<PathBuf>,
+    /// The camera that lf-fit had, camera.json
     #[arg(short, long, value_name = "FILE")]
     pub camera: PathBuf,
-    /// Search for particles between these depths, mm
-    #[arg(long, value_name = "Z0,Z1", value_parser = cli::numbers::<2>, allow_hyphen_values = true)]
-    pub depth: [f64; 2],
-    /// Background image, subtracted from each frame
-    #[arg(short, long, value_name = "FILE")]
-    pub background: Option<PathBuf>,
-    /// Image of the frames' size that is 0 where a wall or a reflection is: such pixels say nothing
-    #[arg(long, value_name = "FILE")]
-    pub mask: Option<PathBuf>,
-    #[command(flatten)]
-    pub reading: ImageOptions,
     /// Corrected camera.json, - for standard output
     #[arg(short, long, value_name = "FILE", default_value = "-")]
     pub output: PathBuf,

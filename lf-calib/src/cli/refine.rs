@@ -1,75 +1,73 @@
-//! `lf-calib refine`: frames of particles and a camera in, the camera corrected for drift out.
+//! `lf-calib refine`: what frames of particles say of their camera in, the corrected camera out.
 
-use super::{arguments::RefineArguments, files::frames, files::save_found};
-use lf_calib::{Refined, refine_steps};
-use lf_core::image::{self, FrameFiles};
-use lf_core::{Camera, Error, Result, Session, Verdict, io, weights::check_depth_mm};
+use super::{arguments::RefineArguments, files::save_found};
+use lf_calib::Refined;
+use lf_core::camera::Evidence;
+use lf_core::{Camera, Error, Refusal, Result, Session, Verdict, io};
 use std::path::Path;
 
+/// Frames of one camera differ from it by less than this times what they state.
+const ALIKE: f64 = 2.0;
+/// Noise explains differences with a mean square below this.
+const EXPLAINED: f64 = 1.4;
+
 pub fn refine(arguments: &RefineArguments, session: &mut Session) -> Result<Verdict> {
-    let RefineArguments { camera, depth, background, mask, reading, output, .. } = arguments;
-    let files = &image::frames(&arguments.frames);
-    let (background, mask) = (background.as_deref(), mask.as_deref());
-    let inputs: Vec<&Path> =
-        files.iter().map(|file| file.as_path()).chain(background).chain(mask).chain([camera.as_path()]).collect();
+    let RefineArguments { camera, evidence, output, .. } = arguments;
+    let inputs: Vec<&Path> = evidence.iter().chain([camera]).map(|path| path.as_path()).collect();
     session.keep_apart(output, &inputs)?;
     io::check_place(output)?;
-    let nominal = Camera::open(camera)?;
-    session.explain(format!("camera: {}", nominal.about()));
-    check_depths(*depth, &nominal)?;
-    for (option, file) in [("--background", background), ("--mask", mask)] {
-        if files.len() > 1 && file.is_some_and(io::is_standard) {
-            let found = "standard input, for several frames";
-            return Err(Error::new(option, found, "wanted a file, which can be read again"));
-        }
-    }
-    let beside = FrameFiles { background, mask };
-    let images = session.phase("read", |_| frames(files, beside, &nominal, camera, reading.channel))?;
-    let subject = match files.as_slice() {
-        [frame] => io::name(frame),
-        _ => format!("{} frames", files.len()),
-    };
-    let found = session.phase("refine", |session| {
-        let progress = session.progress("steps", refine_steps(files.len()));
-        lf_calib::refine(&images, &nominal, *depth, &|steps| progress.add(steps))
-            .map_err(|refusal| refusal.about(&subject))
-    })?;
-    report(&found, files.len(), session);
-    save_found(found.camera, nominal.flat_field(camera), "wanted particles that fit one", output, session)?;
+    let given = Camera::open(camera)?;
+    session.explain(format!("camera: {}", given.about()));
+    let frames = session
+        .phase("read", |_| evidence.iter().map(|file| open(file, &given, camera)).collect::<Result<Vec<Evidence>>>())?;
+    let subject = |refusal: Refusal| refusal.about(format!("{} frames", frames.len()));
+    let found = session.phase("refine", |_| lf_calib::refine(&given, &frames).map_err(subject))?;
+    report(&found, &frames, session);
+    save_found(found.camera, given.flat_field(camera), "wanted particles that fit one", output, session)?;
     Ok(Verdict::Done)
 }
 
-/// Refuses depths that do not rise or are not in front of the main lens.
-fn check_depths([low, high]: [f64; 2], camera: &Camera) -> Result<()> {
-    let wanted = "wanted two depths that rise, in front of the main lens";
-    if low >= high {
-        return Err(Error::new("--depth", format!("{low},{high}"), wanted));
-    }
-    check_depth_mm(camera, high).map_err(|refusal| Error::new("--depth", refusal.found, wanted))
+/// The evidence of one frame, which must be about the given camera.
+fn open(file: &Path, given: &Camera, camera: &Path) -> Result<Evidence> {
+    let evidence = Evidence::open(file)?;
+    let is_given = evidence.is_about(given).map_err(|refusal| refusal.about(io::name(camera)))?;
+    let other = || Error::new(io::name(file), "of another camera", format!("wanted lf-fit -c {}", camera.display()));
+    if is_given { Ok(evidence) } else { Err(other()) }
 }
 
-/// Warn if the uncertainty of the lattice is larger than this, px.
-const VAGUE_PX: f64 = 0.02;
-
-fn report(found: &Refined, frames: usize, session: &mut Session) {
-    session.count("frames", frames);
+fn report(found: &Refined, frames: &[Evidence], session: &mut Session) {
+    session.count("frames", frames.len());
     session.count("particles", found.particles);
-    let [before, after] = found.disparity_px;
-    session.explain(format!("{} particles, disparity {before:.3} px RMS before, {after:.3} px after", found.particles));
-    for (name, change, uncertainty) in &found.changed {
-        session.explain(format!("{name} changed by {change:.7} +- {uncertainty:.7}"));
+    session.count("scatter", found.scatter);
+    for one in &found.corrected {
+        session.say(format!("the {}", one.words()));
+        session.count(one.parameter.key, vec![one.step, one.std]);
     }
-    if found.changed.is_empty() {
-        session.explain("the particles show no drift");
+    if found.corrected.is_empty() {
+        session.say("the particles show no error of the camera");
     }
-    if let Some(offset_px) = found.offset_uncertainty_px {
-        session.count("offset_std_px", offset_px);
-        if offset_px > VAGUE_PX {
-            session.warn(format!(
-                "{} particles that overlap place the lattice to {offset_px:.2} px only; lf-fit --camera-out finds the drift \
-                 from all of them",
-                found.particles
-            ));
+    for (n, one) in found.corrected.iter().enumerate() {
+        for (other, correlation) in found.corrected.iter().zip(&found.correlations[n]).take(n) {
+            session
+                .explain(format!("correlation of {} and {}: {correlation:.2}", one.parameter.key, other.parameter.key));
         }
+    }
+    for (frame, [x, y], [std_x, std_y]) in &found.drifts {
+        session.explain(format!("frame {frame}: drift ({x:.4} +- {std_x:.4}, {y:.4} +- {std_y:.4}) px"));
+    }
+    if found.scatter > ALIKE {
+        session.warn(format!(
+            "the frames differ from one camera by {:.1} times what they state, and uncertainties are as much larger: the \
+             camera moved between them, or its model is wrong; -v prints the drift of each",
+            found.scatter
+        ));
+    }
+    let worst = frames.iter().max_by(|a, b| a.chi2.total_cmp(&b.chi2)).filter(|frame| frame.chi2 > EXPLAINED);
+    if let Some(frame) = worst {
+        session.warn(format!(
+            "noise does not explain frame {}: chi2 is {:.2}, up to {EXPLAINED} is good; fit again with the refined camera \
+             and refine that",
+            frame.frame, frame.chi2
+        ));
     }
 }

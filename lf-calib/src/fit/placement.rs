@@ -31,13 +31,6 @@ impl PlaceSums {
         self.sum += pixel;
         self.squares += pixel * pixel;
     }
-
-    /// The gain by least squares if the place is known. None if the profile is even.
-    pub fn gain(&self) -> Option<f64> {
-        let shares = self.normal[(1, 0)];
-        let spread = self.normal[(1, 1)] - shares * shares / self.count;
-        (spread > 0.0).then(|| (self.right[1] - self.sum * shares / self.count) / spread)
-    }
 }
 
 /// Limits of the steps, px.

@@ -69,7 +69,7 @@ fn aberration(camera: &Camera, exact: &Camera) -> Option<String> {
     let depth = camera.useful_depth_mm()[0];
     let place = DVec3::new(0.0, 0.0, depth);
     let [seen, there] = [&optics, &truth].map(|optics| PointView::new(optics, place));
-    let lit = seen.lit_lenslets(SHARE, Some(0.0));
+    let lit = seen.lit_lenslets(SHARE, 0.0);
     let error = lit.iter().map(|lit| lit.place_px.distance(there.place_px(lit.lenslet))).fold(0.0, f64::max);
     (error > NOTABLE_PX).then(|| {
         format!(

@@ -89,7 +89,7 @@ mod tests {
         let camera = seed(60, Layout::Square);
         let optics = Optics::new(&camera);
         for place in [DVec3::new(0.6, -0.9, 3.1), DVec3::new(-0.3, 0.2, -2.0)] {
-            let lenslets = PointView::new(&optics, place).lit_lenslets(SHARE, Some(0.02));
+            let lenslets = PointView::new(&optics, place).lit_lenslets(SHARE, 0.02);
             let spots: Vec<SubImage> = lenslets
                 .iter()
                 .enumerate()

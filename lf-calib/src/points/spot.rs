@@ -80,14 +80,6 @@ pub(crate) fn fit(image: ArrayView2<f32>, profile: SpotProfile, from_px: DVec2, 
     Some(SpotFit { place_px, uncertainty_px: spread_px * scatter, light: gain, explained })
 }
 
-/// Light of a spot at a known position above the floor, counts; noise can make it negative. None outside the image.
-pub(crate) fn light(image: ArrayView2<f32>, profile: SpotProfile, place_px: DVec2) -> Option<f64> {
-    let profile = profile.usable();
-    let reach = profile.reach_px();
-    let (rows, columns) = (within(place_px.y, reach, image.nrows())?, within(place_px.x, reach, image.ncols())?);
-    sums(image, profile, place_px, rows, columns).gain()
-}
-
 /// Sums over the pixels of some rows and columns with a spot at a place. Leaves out pixels that are not finite.
 fn sums(
     image: ArrayView2<f32>,

@@ -62,5 +62,5 @@ pub(crate) fn measure(
             sampling_px,
         })
     };
-    view.lit_lenslets(SHARE, Some(2.0 * blur.object_mm)).iter().filter_map(read).collect()
+    view.lit_lenslets(SHARE, 2.0 * blur.object_mm).iter().filter_map(read).collect()
 }

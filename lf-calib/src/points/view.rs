@@ -33,8 +33,6 @@ pub(crate) struct PointView<'a> {
 pub(crate) struct LitLenslet {
     pub lenslet: (i64, i64),
     pub place_px: DVec2,
-    /// Position in the aperture from which the lenslet's centre is lit, mm.
-    pub aperture_mm: DVec2,
 }
 
 impl<'a> PointView<'a> {
@@ -142,14 +140,14 @@ impl<'a> PointView<'a> {
         (k * on_array / self.alpha / pitch_mm).abs()
     }
 
-    /// The lenslets whose centre is lit from within `share` of the stop's radius or half side. With `whole` every
-    /// corner of the lenslet's cell must be lit so, by a point of this radius in mm.
-    pub fn lit_lenslets(&self, share: f64, whole: Option<f64>) -> Vec<LitLenslet> {
+    /// The lenslets with a cell that is lit, at every corner, from within `share` of the stop's radius or half side.
+    /// The point has this radius in mm.
+    pub fn lit_lenslets(&self, share: f64, radius_mm: f64) -> Vec<LitLenslet> {
         let lattice = self.optics.lattice();
         let reach = self.optics.half_aperture_mm * self.alpha.abs() * share + lattice.row_pitch_mm();
         let cell = lattice.cell_mm();
         let pitch_px = self.optics.place_px(DVec2::X) - self.optics.place_px(DVec2::ZERO);
-        let size = whole.map_or(0.0, |radius| radius * self.px_per_mm() / (pitch_px.x * self.optics.demagnification));
+        let size = radius_mm * self.px_per_mm() / (pitch_px.x * self.optics.demagnification);
         let passes = |aperture: DVec2| {
             let outward = if size > 0.0 { aperture + size * self.outward(aperture) } else { aperture };
             self.optics.passes(outward / share)
@@ -158,13 +156,9 @@ impl<'a> PointView<'a> {
             .lenslets_within(self.chief_mm, DVec2::splat(reach))
             .filter_map(|(i, j, centre)| {
                 let (aperture_mm, is_found) = self.find_aperture(centre);
-                let is_lit = match whole {
-                    None => passes(aperture_mm),
-                    Some(_) => is_found && cell.iter().all(|corner| passes(aperture_mm + *corner / self.alpha)),
-                };
+                let is_lit = is_found && cell.iter().all(|corner| passes(aperture_mm + *corner / self.alpha));
                 let (place_px, change) = if is_lit { self.middle_px(centre, aperture_mm) } else { return None };
-                let is_even = change < UNEVEN || whole.is_none();
-                is_even.then_some(LitLenslet { lenslet: (i, j), place_px, aperture_mm })
+                (change < UNEVEN).then_some(LitLenslet { lenslet: (i, j), place_px })
             })
             .collect()
     }
@@ -225,10 +219,11 @@ pub(crate) mod tests {
     fn by_rays(optics: &Optics, place: DVec3, seen: &LitLenslet, whole: DVec2) -> (DVec2, f64) {
         const SIDE: usize = 400;
         let centre = optics.lattice().centre_mm(seen.lenslet.0, seen.lenslet.1);
+        let middle = PointView::new(optics, place).aperture_mm(centre);
         let (mut sum, mut count) = (DVec2::ZERO, 0.0);
         for n in 0..SIDE * SIDE {
             let part = (DVec2::new((n % SIDE) as f64, (n / SIDE) as f64) + 0.5) / SIDE as f64 - 0.5;
-            let aperture = seen.aperture_mm + part * whole;
+            let aperture = middle + part * whole;
             let array = optics.array_from_object(place.truncate(), place.z, aperture);
             if optics.lattice().nearest_centre_mm(array).distance(centre) < 1e-9 && optics.passes(aperture) {
                 sum += optics.place_px(optics.sensor_from_array(array, aperture));
@@ -281,7 +276,7 @@ pub(crate) mod tests {
                 let optics = Optics::new(&camera);
                 for place in [DVec3::new(0.5, -0.3, 4.0), DVec3::new(-0.6, 0.2, -2.5)] {
                     let view = PointView::new(&optics, place);
-                    let fan = view.lit_lenslets(0.95, Some(0.0));
+                    let fan = view.lit_lenslets(0.95, 0.0);
                     let fewest = if name == "tank" { 10 } else { 11 };
                     assert!(fan.len() >= fewest, "{name} {}", fan.len());
                     let whole = DVec2::splat(1.3 * 0.077 / view.alpha.abs());

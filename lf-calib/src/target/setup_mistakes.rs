@@ -137,7 +137,7 @@ fn fit(exposures: &[Exposure], nominal: &Camera, optics: &Optics) -> Option<f64>
     let bundle = Bundle { nominal, sightings: &sightings, dots: ids.len(), has_prior: false };
     let misfit = bundle.fit(&ALWAYS, &start)?.misfit;
     // A regular grid at a wrong depth has some sub-images where another dot's should be: too few.
-    let lit = |sighting: &DotSighting| PointView::new(optics, sighting.target_mm).lit_lenslets(SHARE, Some(0.0)).len();
+    let lit = |sighting: &DotSighting| PointView::new(optics, sighting.target_mm).lit_lenslets(SHARE, 0.0).len();
     let wanted = sightings.iter().map(lit).sum::<usize>().max(misfit.sub_images);
     let follows = misfit.kept as f64 >= LEAST_FOLLOWING * wanted as f64;
     (follows && misfit.rms_px <= LARGEST_RMS_PX).then_some(misfit.rms_px)

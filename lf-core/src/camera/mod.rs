@@ -50,6 +50,7 @@ mod aberrations;
 mod blur;
 mod depths;
 mod derived;
+mod evidence;
 mod file;
 mod model;
 mod plausible;
@@ -59,6 +60,7 @@ pub use crate::lattice::{Layout, Microlenses};
 pub(crate) use aberrations::RayAberrations;
 pub use blur::Diffraction;
 pub use derived::ALIGNED_PX;
+pub use evidence::{COUNT, Correction, Evidence, PARAMETERS, Parameter};
 pub use model::{
     Aberrations, Aperture, Blur, Camera, Distortion, MainLens, Medium, Sensor, SensorNoise, Telecentric, Tilt,
 };

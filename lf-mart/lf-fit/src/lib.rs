@@ -34,7 +34,6 @@ mod stages;
 mod start;
 
 pub use cameras::input::CameraInput;
-pub use cameras::lens::Correction;
 pub use cameras::noise::{KnownNoise, Noise};
 pub use cameras::residual::{RANDOM, Residual};
 pub use cameras::shape::{Free, Shape};

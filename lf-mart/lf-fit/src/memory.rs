@@ -2,13 +2,13 @@
 
 use crate::cameras::input::CameraInput;
 use crate::cameras::noise::MOST_PIXELS;
-use crate::cameras::shape::Shape;
+use crate::cameras::shape::{SHAPES, Shape};
 use crate::cameras::view::CameraView;
 use crate::model::buffers::FitBuffers;
 use crate::model::particle_image::{ParticleImage, UNKNOWNS};
 use crate::model::window::Rectangle;
 use crate::search::particles::{AT_ONCE, Particles};
-use crate::shared::shape_fit::sample_side;
+use crate::shared::sample::sample_parts;
 use crate::stages::{FitOptions, join, start_alone};
 use lf_core::camera::Pose;
 use lf_core::particle_image::ParticleModel;
@@ -29,8 +29,8 @@ const ENTRY: usize = 4 + 4 * UNKNOWNS;
 const NEIGHBOURS: usize = 40;
 const BLOCK: usize = 4 + 4 * UNKNOWNS * UNKNOWNS;
 /// Bytes of a pixel of the sample from which the shape is found, beside those of a window: derivatives before and
-/// after a step.
-const SAMPLE_PIXEL: usize = 64;
+/// after a step, light before and after, and buffers.
+const SAMPLE_PIXEL: usize = 2 * 4 * SHAPES + 8 + THREAD_PIXEL;
 /// Heap bytes per live byte of particle images; allocations of many sizes fragment it. From runs with 0.1 to 1
 /// particles a lenslet.
 const HEAP: f64 = 2.6;
@@ -113,14 +113,18 @@ fn work_bytes(particles: &Particles, image: ImageSize, in_tile: usize) -> usize 
 fn sample_bytes(particles: &Particles, model: &ParticleModel, image: ImageSize, is_wide: bool) -> usize {
     let Particles { cameras, list, reach_px, .. } = particles;
     let size = cameras.first().size();
-    let side = sample_side(size, list.len(), *reach_px, is_wide);
-    let window: usize = size.map(|size| (side + 2 * reach_px).min(size)).into_iter().product();
-    let sees = |place_mm: [f64; 3]| {
-        let (place, reach) = (model.chief_px(place_mm), model.reach_px(place_mm[2]));
-        (0..2).all(|axis| (place[axis] - 0.5 * size[axis] as f64).abs() < 0.5 * side as f64 + reach)
+    let bytes = |[low, end]: Rectangle| {
+        let side = |axis: usize| (end[axis] - low[axis] + 2 * reach_px).min(size[axis]);
+        let sees = |place_mm: [f64; 3]| {
+            let (place, reach) = (model.chief_px(place_mm), model.reach_px(place_mm[2]));
+            let is_near =
+                |axis: usize| place[axis] > low[axis] as f64 - reach && place[axis] < end[axis] as f64 + reach;
+            is_near(0) && is_near(1)
+        };
+        let seen = list.iter().filter(|particle| sees(particle.place_mm)).count();
+        (WINDOW_PIXEL + SAMPLE_PIXEL) * side(0) * side(1) + image.fitted_bytes() * seen
     };
-    let seen = list.iter().filter(|particle| sees(particle.place_mm)).count();
-    (WINDOW_PIXEL + SAMPLE_PIXEL) * window + image.fitted_bytes() * seen
+    sample_parts(size, list.len(), *reach_px, is_wide).into_iter().map(bytes).sum()
 }
 
 /// Mean size of the image of a particle over the depths of a grid.

@@ -19,12 +19,12 @@ use crate::search::particles::{Members, Particles};
 use crate::search::tile_fit::{Changed, TileFit};
 use crate::search::tiles::Tile;
 use crate::shared::align::align;
-use crate::shared::shape_fit::Sample;
+use crate::shared::sample::Sample;
 use crate::solve::covariance::Prior;
 use crate::solve::joint::StopRule;
 use crate::solve::untold::widen;
 use lf_core::Refusal;
-use lf_core::camera::Pose;
+use lf_core::camera::{Evidence, Pose};
 
 /// The options of a fit.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -37,6 +37,8 @@ pub struct FitOptions {
     pub noise: KnownNoise,
     /// Largest number of rounds of drop, split and add.
     pub rounds: usize,
+    /// Whether evidence of the frame on its camera is asked for.
+    pub evidence: bool,
 }
 
 /// Changes that were kept.
@@ -92,6 +94,8 @@ pub struct Fit<'a> {
     pub doubts: Vec<Doubts>,
     /// Whether particles were no longer added because the misfit did not fall.
     pub is_stopped: bool,
+    /// Evidence of the frame on its only camera, if it was asked for.
+    pub evidence: Option<Evidence>,
 }
 
 /// Doubts of the model of a camera.
@@ -701,8 +705,9 @@ impl<'a, 'o> Stages<'a, 'o> {
         self.fit("last fit", LAST_STEPS);
         self.particles.wake_where(|_| true);
         let (misfit, residual) = (self.particles.cameras.misfit(), self.particles.cameras.residual());
-        let mut particles = self.particles.uncertainties(self.prior);
         let excess = residual.excess() * if misfit > EXPLAINED { misfit } else { 1.0 };
+        let evidence = self.evidence(excess)?;
+        let mut particles = self.particles.uncertainties(self.prior);
         if excess > 1.0 {
             // Errors of the model are errors of the places too.
             particles.iter_mut().for_each(|particle| particle.widen(excess));
@@ -718,6 +723,18 @@ impl<'a, 'o> Stages<'a, 'o> {
             untold,
             doubts: vec![self.doubts],
             is_stopped: self.is_stopped,
+            evidence,
         })
+    }
+
+    /// Evidence of the frame on its only camera. All parameters are free that were not to be held.
+    fn evidence(&self, excess: f64) -> Result<Option<Evidence>, Refusal> {
+        if !self.options.evidence || !self.is_alone() {
+            return Ok(None);
+        }
+        let Particles { cameras, list, reach_px, .. } = &self.particles;
+        let free = Free { lens: [self.free.camera; LENSES], ..self.free };
+        let Some(sample) = Sample::new(cameras, list, *reach_px, free)? else { return Ok(None) };
+        Ok(Some(Evidence { chi2: cameras.misfit(), ..sample.evidence(excess)? }))
     }
 }

@@ -1,6 +1,7 @@
 //! Particles found again, refusals, and the same bytes for any number of threads.
 
-use lf_core::camera::SensorNoise;
+use lf_core::camera::{SensorNoise, Tilt};
+use lf_core::lattice::Centres;
 use lf_core::particles::{self, Particle};
 use lf_core::{Camera, Volume};
 use lf_tests::Workbench;
@@ -124,6 +125,43 @@ fn a_drift_is_found_said_and_written() {
     assert!(x.abs() < 3e-5 && y.abs() < 3e-5, "{x} {y}");
     let held = bench.done(&format!("{call} --hold drift")).stderr;
     assert!(!held.contains("drifted") && held.contains("noise does not explain the image"), "{held}");
+}
+
+/// A lattice too wide by 0.02 %, turned by 0.2 mrad and bent by 0.2 px, and a tilted sensor: `lf-calib refine` corrects
+/// them by the evidence of the frame, and leaves the true camera as it is.
+#[test]
+fn the_evidence_of_a_frame_corrects_the_camera() {
+    let bench = bench(&["particles.per_lenslet=0.2", "camera.blur={\"wavelength_nm\": 532, \"sigma_px\": 0.3}"]);
+    let truth = Camera::open(&bench.path("scene/camera.json")).unwrap();
+    let mut off = truth.clone();
+    off.microlenses.pitch_mm *= 1.0002;
+    off.microlenses.rotation_rad += 2e-4;
+    off.tilt = Some(Tilt { x_rad: 2e-3, y_rad: 0.0 });
+    let mm = 0.2 * truth.sensor.pixel_pitch_mm;
+    off.centres = Some(Centres { radius_mm: 238.0 * 0.0055, x_mm: vec![0.0, 0.0, mm, 0.0, 0.0], y_mm: vec![0.0; 5] });
+    bench.write("off.json", off.to_json());
+    let refined = |camera: &str| {
+        let call = format!("scene/truth-0000.lfv -i scene/frame-0000.exr -c {camera} --particles found.csv");
+        bench.done(&format!("{call} --evidence evidence.json"));
+        bench.folder_run(&format!("lf-calib refine evidence.json -c {camera} -o refined.json"));
+        Camera::open(&bench.path("refined.json")).unwrap()
+    };
+
+    // Lenslets from the middle to a corner lie where they are.
+    let found = refined("off.json");
+    for place in [(0, 0), (10, 0), (-12, 8), (14, 14)] {
+        let [there, wanted, before] = [&found, &truth, &off].map(|camera| camera.lattice().centre_mm(place.0, place.1));
+        let [left, given] = [there, before].map(|centre| centre.distance(wanted) / truth.sensor.pixel_pitch_mm);
+        assert!(left < 0.02, "{place:?}: {left} px, {given} before");
+    }
+    let tilt = found.tilt.clone().unwrap();
+    assert!(tilt.x_rad.abs() < 2e-4 && tilt.y_rad.abs() < 2e-4, "{tilt:?}");
+    let f_number = found.main_lens.working_f_number / truth.main_lens.working_f_number;
+    assert!((f_number - 1.0).abs() < 5e-4, "{f_number}");
+
+    let same = refined("scene/camera.json");
+    assert_eq!((&same.microlenses, &same.main_lens, &same.tilt), (&truth.microlenses, &truth.main_lens, &truth.tilt));
+    assert!(bench.run("a.lfv b.lfv -i a.exr -i b.exr -c a.json -c b.json --evidence e.json").status.code() == Some(2));
 }
 
 /// A bright reflection under the mask changes nothing, and most particles behind it are found by other lenslets.

@@ -3,18 +3,20 @@
 //!
 //! Another such unknown needs a field here with its lines in `values`, `moved`, `scales` and `model`, its flag in
 //! [`Free`], and its derivative among [`lf_core::particle_image::QUANTITIES`]. A parameter of the camera needs only an
-//! entry in `lens.rs`.
+//! entry in [`lf_core::camera::PARAMETERS`].
 
-use super::lens::{Correction, LENSES, corrections, stepped};
-use lf_core::camera::Blur;
+use super::lens::{LENSES, corrections, stepped};
+use lf_core::camera::{Blur, COUNT, Correction};
 use lf_core::particle_image::ParticleModel;
 use lf_core::{Camera, Refusal};
 
 /// Number of unknowns in a shape, the parameters of the camera last, and of those before.
 pub(crate) const SHAPES: usize = ANALYTIC + LENSES;
 pub(crate) const ANALYTIC: usize = 4;
-/// A parameter of the camera is off by at least this number of standard uncertainties.
+/// A parameter of the camera is off by at least this number of standard uncertainties, and by this number of pixels:
+/// spare particles of a first fit look like less.
 const SURE: f64 = 5.0;
+pub(crate) const LEAST_PX: f64 = 0.02;
 /// Smallest and largest size, pixels.
 const SIZES_PX: [f64; 2] = [0.15, 5.0];
 /// Smallest and largest blur, pixels. A smaller one cannot be seen, and has no slope to grow by.
@@ -98,7 +100,7 @@ impl Shape {
 
     /// Whether a parameter of the camera is surely off.
     pub(crate) fn is_corrected(&self, lens: usize, std_px: [f64; SHAPES]) -> bool {
-        self.lens_px[lens].abs() > SURE * std_px[ANALYTIC + lens]
+        self.lens_px[lens].abs() > (SURE * std_px[ANALYTIC + lens]).max(LEAST_PX)
     }
 
     /// The parameters of the camera that were corrected; `std_px` are the standard uncertainties of the shape.
@@ -117,6 +119,13 @@ impl Shape {
             moved.blur = Some(Blur { sigma_px, ..camera.blur.unwrap_or(UNNAMED) });
         }
         moved
+    }
+
+    /// The steps from the camera's parameters to those that were found, px.
+    pub(crate) fn steps_px(&self, camera: &Camera) -> [f64; COUNT] {
+        let [_, mut steps @ ..] = self.values();
+        steps[2] -= camera.blur.map_or(0.0, |blur| blur.sigma_px);
+        steps
     }
 
     fn values(&self) -> [f64; SHAPES] {

@@ -90,6 +90,9 @@ pub struct Arguments {
     /// Camera (camera.json) with what was found of it, and the pose of a further camera; none, or one for each camera
     #[arg(long, value_name = "FILE", help_heading = OUTPUT)]
     pub camera_out: Vec<PathBuf>,
+    /// Evidence of the frame on its camera (JSON), for lf-calib refine
+    #[arg(long, value_name = "FILE", help_heading = OUTPUT)]
+    pub evidence: Option<PathBuf>,
     /// Image (EXR) as the fit explains it, without background and flat field; none, or one for each camera. Blind
     /// pixels have light too
     #[arg(long, value_name = "FILE", help_heading = OUTPUT)]
@@ -141,6 +144,10 @@ impl Arguments {
                 return Err(Error::new(option, format!("given {} times", files.len()), wanted(what)));
             }
         }
+        if images > 1 && self.evidence.is_some() {
+            let found = format!("asked for with {images} images");
+            return Err(Error::new("--evidence", found, "wanted one camera; fit each alone"));
+        }
         Ok(())
     }
 
@@ -170,6 +177,7 @@ impl Arguments {
             },
             noise: KnownNoise { gain: self.gain, read_variance: self.read_noise.map(|sigma| sigma * sigma) },
             rounds: self.rounds,
+            evidence: self.evidence.is_some(),
         })
     }
 }

@@ -3,12 +3,12 @@
 use super::arguments::Arguments;
 use super::inputs;
 use glam::DMat3;
-use lf_core::camera::Pose;
+use lf_core::camera::{Correction, Evidence, Pose};
 use lf_core::particles::{self, Uncertainty};
 use lf_core::{Camera, Error, Result, Session, Verdict, cli, image, io, volume};
 use lf_fit::{
-    self as fit, CameraInput, CameraView, Changes, Correction, Doubts, EXPLAINED, Fit, FitOptions, FoundParticle,
-    Particle, PiledUp, Progress, RANDOM,
+    self as fit, CameraInput, CameraView, Changes, Doubts, EXPLAINED, Fit, FitOptions, FoundParticle, Particle,
+    PiledUp, Progress, RANDOM,
 };
 use serde_json::{Value, json};
 use std::path::Path;
@@ -49,7 +49,8 @@ fn run(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
 /// The files to write.
 fn outputs(arguments: &Arguments) -> Vec<&Path> {
     let optional =
-        arguments.output.iter().chain(&arguments.camera_out).chain(&arguments.expected).chain(&arguments.log);
+        [&arguments.output, &arguments.evidence, &arguments.log].into_iter().flatten().chain(&arguments.camera_out);
+    let optional = optional.chain(&arguments.expected);
     std::iter::once(&arguments.particles).chain(optional).map(|path| path.as_path()).collect()
 }
 
@@ -131,7 +132,7 @@ fn statistics(view: &CameraView) -> Value {
         (found["blur_px"], found["blur_std_px"]) = (json!(blur_px), json!(blur_std));
     }
     let corrections = view.shape.corrections(view.camera, view.shape_std_px);
-    corrections.iter().for_each(|Correction { key, step, std, .. }| found[key] = json!([step, std]));
+    corrections.iter().for_each(|Correction { parameter, step, std }| found[parameter.key] = json!([step, std]));
     found
 }
 
@@ -166,14 +167,7 @@ fn warn_of_model(found: &Fit, session: &mut Session) {
         ));
     });
     if !corrected.is_empty() {
-        let each = corrected.iter().map(|Correction { name, unit, step, std, .. }| {
-            format!(
-                "the {name} is {:.3} +- {std:.3} {unit} too {}",
-                step.abs(),
-                if *step > 0.0 { "small" } else { "large" }
-            )
-        });
-        let each: Vec<String> = each.collect();
+        let each: Vec<String> = corrected.iter().map(|one| format!("the {}", one.words())).collect();
         session.warn(format!(
             "the camera does not explain the image: {}; the fit corrects it; write the camera with --camera-out, and begin \
              again with it; --hold camera keeps what is given",
@@ -230,8 +224,8 @@ fn report(arguments: &Arguments, found: &Fit, session: &mut Session) {
         if x.hypot(y) > DRIFT_PX {
             let camera = if n == 0 { String::new() } else { format!("{name}: ") };
             session.warn(format!(
-                "{camera}the lattice has drifted by ({x:.3}, {y:.3}) px against the camera; the fit allows for it; run \
-                 lf-calib refine, or write the camera with --camera-out"
+                "{camera}the lattice has drifted by ({x:.3}, {y:.3}) px against the camera; the fit allows for it; write \
+                 the camera with --camera-out, or by lf-calib refine from the --evidence of several frames"
             ));
         }
         if n > 0 {
@@ -265,6 +259,12 @@ const LEAST_DRAWN: f64 = 0.3;
 fn write(arguments: &Arguments, first: &CameraInput, found: &Fit, log: &str, session: &mut Session) -> Result<()> {
     let CameraInput { camera, volume, .. } = first;
     let history = session.history(volume.history());
+    if let Some(file) = &arguments.evidence {
+        let none =
+            || Error::new(io::name(&arguments.image[0]), "no particle says anything of the camera", "wanted particles");
+        let evidence = Evidence { frame: arguments.frame, ..found.evidence.clone().ok_or_else(none)? };
+        io::save_text(file, |out| writeln!(out, "{}", json!(evidence)))?;
+    }
     if let Some(file) = &arguments.output {
         let grid = volume.grid();
         let sigma_mm = found.cameras[0].shape.sigma_px * camera.pixel_in_focus_mm();

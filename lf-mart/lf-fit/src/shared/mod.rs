@@ -4,4 +4,6 @@
 
 pub mod align;
 pub mod cause;
+pub mod evidence;
+pub mod sample;
 pub mod shape_fit;

@@ -1,0 +1,281 @@
+//! The parameters of a camera that the images of particles determine, and the evidence of a frame on them, which goes
+//! from lf-fit to `lf-calib refine`.
+//!
+//! Magnification and focal lengths scale places and depths, which no particle shows. A lenslet's focal length that is
+//! too long, or a sensor too far from the array, looks as an f-number that is too small, because depths follow. Field
+//! curvature moves depths too, and of astigmatism only a little is left when depths follow: dots find them (`lf-calib
+//! volume`).
+
+use super::model::{Aberrations, Camera, Tilt};
+use crate::lattice::{Centres, terms};
+use crate::{Refusal, io, json};
+use glam::DVec2;
+use serde::{Deserialize, Serialize};
+use std::path::Path;
+
+/// A parameter of a camera. Steps are in pixels by which they move light at most: at the rim of a lenslet image, or at
+/// the edge of the sensor, half of its longer side from the middle.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Parameter {
+    /// Its name in messages.
+    pub name: &'static str,
+    /// Its name in files, with its unit.
+    pub key: &'static str,
+    /// Its unit.
+    pub unit: &'static str,
+    what: What,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum What {
+    Drift(usize),
+    Blur,
+    FNumber,
+    Pitch,
+    Rotation,
+    Tilt(usize),
+    Spherical,
+    Coma,
+    /// Departure along an axis by a term of [`Centres`].
+    Departure(usize, usize),
+}
+
+const fn of(what: What, name: &'static str, key: &'static str, unit: &'static str) -> Parameter {
+    Parameter { name, key, unit, what }
+}
+
+/// Number of parameters.
+pub const COUNT: usize = 18;
+
+/// The parameters: drift and blur first.
+pub const PARAMETERS: [Parameter; COUNT] = [
+    of(What::Drift(0), "place of the lenslets along x", "drift_x_px", "px"),
+    of(What::Drift(1), "place of the lenslets along y", "drift_y_px", "px"),
+    of(What::Blur, "blur", "blur_px", "px"),
+    of(What::FNumber, "f-number (or 1 / focal_length_mm of the lenslets)", "f_number_percent", "%"),
+    of(What::Pitch, "pitch of the lenslets", "pitch_percent", "%"),
+    of(What::Rotation, "rotation of the lenslets", "rotation_mrad", "mrad"),
+    of(What::Tilt(0), "tilt of the sensor along x", "tilt_x_mrad", "mrad"),
+    of(What::Tilt(1), "tilt of the sensor along y", "tilt_y_mrad", "mrad"),
+    of(What::Spherical, "spherical aberration of the main lens", "spherical_px", "px"),
+    of(What::Coma, "coma of the main lens", "coma_px", "px"),
+    of(What::Departure(0, 0), "departure of the lenslets along x with x", "centres_x_with_x_px", "px"),
+    of(What::Departure(0, 1), "departure of the lenslets along x with y", "centres_x_with_y_px", "px"),
+    of(What::Departure(0, 2), "departure of the lenslets along x with x^2", "centres_x_with_xx_px", "px"),
+    of(What::Departure(0, 3), "departure of the lenslets along x with x y", "centres_x_with_xy_px", "px"),
+    of(What::Departure(0, 4), "departure of the lenslets along x with y^2", "centres_x_with_yy_px", "px"),
+    of(What::Departure(1, 2), "departure of the lenslets along y with x^2", "centres_y_with_xx_px", "px"),
+    of(What::Departure(1, 3), "departure of the lenslets along y with x y", "centres_y_with_xy_px", "px"),
+    of(What::Departure(1, 4), "departure of the lenslets along y with y^2", "centres_y_with_yy_px", "px"),
+];
+
+/// The powers of x and y in each term of a departure of the second degree.
+const POWERS: [[i32; 2]; terms(2)] = [[1, 0], [0, 1], [2, 0], [1, 1], [0, 2]];
+
+/// Half of the longer side of the sensor, pixels.
+fn edge_px(camera: &Camera) -> f64 {
+    0.5 * camera.sensor.width.max(camera.sensor.height) as f64
+}
+
+impl Parameter {
+    /// The step, in the parameter's unit, that moves light by a pixel.
+    pub fn per_px(&self, camera: &Camera) -> f64 {
+        match self.what {
+            What::FNumber => 100.0 / (0.5 * camera.pitch_px()),
+            What::Pitch => 100.0 / edge_px(camera),
+            What::Rotation => 1000.0 / edge_px(camera),
+            What::Tilt(_) => 1000.0 * 2.0 * camera.main_lens.working_f_number / edge_px(camera),
+            _ => 1.0,
+        }
+    }
+
+    /// Changes the parameter by a step in pixels.
+    pub fn step(&self, camera: &mut Camera, px: f64) {
+        let by = px * self.per_px(camera);
+        let (pixel_mm, edge_px) = (camera.sensor.pixel_pitch_mm, edge_px(camera));
+        match self.what {
+            What::Drift(axis) => camera.microlenses.offset_mm[axis] += px * pixel_mm,
+            What::Blur => {
+                let blur = camera.blur.get_or_insert_default();
+                blur.sigma_px = (blur.sigma_px + px).max(0.0);
+            }
+            What::FNumber => camera.main_lens.working_f_number *= 1.0 + 0.01 * by,
+            What::Pitch => camera.microlenses.pitch_mm *= 1.0 + 0.01 * by,
+            What::Rotation => camera.microlenses.rotation_rad += 1e-3 * by,
+            What::Tilt(axis) => {
+                let tilt = camera.tilt.get_or_insert(Tilt { x_rad: 0.0, y_rad: 0.0 });
+                *(if axis == 0 { &mut tilt.x_rad } else { &mut tilt.y_rad }) += 1e-3 * by;
+            }
+            What::Spherical => aberrations(camera).spherical_px += by,
+            What::Coma => aberrations(camera).coma_px += by,
+            What::Departure(axis, term) => {
+                let radius_mm = 0.5 * pixel_mm * camera.diagonal_px();
+                let none = || Centres { radius_mm, x_mm: Vec::new(), y_mm: Vec::new() };
+                let centres = camera.centres.get_or_insert_with(none);
+                let degree = POWERS[term][0] + POWERS[term][1];
+                let scale = (centres.radius_mm / (edge_px * pixel_mm)).powi(degree);
+                let size = centres.x_mm.len().max(POWERS.len());
+                centres.x_mm.resize(size, 0.0);
+                centres.y_mm.resize(size, 0.0);
+                let along = if axis == 0 { &mut centres.x_mm } else { &mut centres.y_mm };
+                along[term] += px * pixel_mm * scale;
+            }
+        }
+    }
+
+    /// How far a step of one pixel moves the lenslets at a pixel, px: a parameter of the lattice does only that. None
+    /// for others. `from_middle_px` is the pixel's place from the middle of the sensor.
+    pub fn shift_px(&self, camera: &Camera, from_middle_px: DVec2) -> Option<DVec2> {
+        let at = from_middle_px / edge_px(camera) / (1.0 + camera.image_growth());
+        match self.what {
+            What::Drift(axis) => Some(DVec2::AXES[axis]),
+            What::Pitch => Some(at),
+            What::Rotation => Some(at.perp()),
+            What::Departure(axis, term) => {
+                let [x, y] = POWERS[term];
+                Some(at.x.powi(x) * at.y.powi(y) * DVec2::AXES[axis])
+            }
+            _ => None,
+        }
+    }
+}
+
+/// A correction of a camera's parameter.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Correction {
+    /// The parameter.
+    pub parameter: Parameter,
+    /// How far it was too small, in its unit.
+    pub step: f64,
+    /// Standard uncertainty, in that unit.
+    pub std: f64,
+}
+
+impl Correction {
+    /// A correction by a step and its standard uncertainty in pixels.
+    pub fn new(parameter: Parameter, camera: &Camera, step_px: f64, std_px: f64) -> Self {
+        let scale = parameter.per_px(camera);
+        Self { parameter, step: step_px * scale, std: std_px * scale }
+    }
+
+    /// Such as "pitch of the lenslets is 0.500 +- 0.012 % too large": the uncertainty with two digits.
+    pub fn words(&self) -> String {
+        let Parameter { name, unit, .. } = self.parameter;
+        let how = if self.step > 0.0 { "small" } else { "large" };
+        let digits = if self.std > 0.0 { (1.0 - self.std.log10().floor()).clamp(0.0, 9.0) as usize } else { 3 };
+        format!("{name} is {:.digits$} +- {:.digits$} {unit} too {how}", self.step.abs(), self.std)
+    }
+}
+
+fn aberrations(camera: &mut Camera) -> &mut Aberrations {
+    camera.aberrations.get_or_insert_default()
+}
+
+/// The evidence of a frame's particles on their camera. Their places and lights are unknown too. About the values that
+/// the fit found, -2 log L is `d' information d - 2 gradient' d` for a step d, px.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Evidence {
+    /// The camera that was given to the fit.
+    pub camera: Camera,
+    /// Number of the frame.
+    pub frame: usize,
+    /// Particles whose images were compared.
+    pub particles: usize,
+    /// Mean squared difference over variance.
+    pub chi2: f64,
+    /// Keys of the parameters.
+    pub parameters: Vec<String>,
+    /// The steps that the fit found, from the given camera, px.
+    pub value_px: Vec<f64>,
+    /// The slope that is left, 1/px.
+    pub gradient: Vec<f64>,
+    /// The information, 1/px^2, by rows.
+    pub information: Vec<Vec<f64>>,
+}
+
+const WANTED: &str = "wanted what lf-fit --evidence wrote";
+
+impl Evidence {
+    /// Reads and checks a file; `-` is standard input.
+    pub fn open(path: &Path) -> crate::Result<Self> {
+        let text = io::open_text(path)?;
+        let read = || {
+            let value =
+                serde_json::from_str(&text).map_err(|error| Refusal::new(format!("not JSON ({error})"), WANTED))?;
+            let evidence: Self = json::read(&value).map_err(|found| Refusal::new(found, WANTED))?;
+            evidence.check().map(|()| evidence)
+        };
+        read().map_err(|refusal| refusal.about(io::name(path)))
+    }
+
+    /// Whether this is about a camera. Its calibration and the path of its flat field do not count.
+    pub fn is_about(&self, camera: &Camera) -> Result<bool, Refusal> {
+        let known = |camera: &Camera| Camera { calibration: None, vignetting: None, ..camera.clone() };
+        // A number that was written may come back with another last digit.
+        Ok(known(&Camera::from_json(&camera.to_json())?) == known(&self.camera))
+    }
+
+    /// Checks that the numbers belong together.
+    fn check(&self) -> Result<(), Refusal> {
+        let count = self.parameters.len();
+        let known = |key: &String| PARAMETERS.iter().any(|parameter| parameter.key == key);
+        if let Some(key) = self.parameters.iter().find(|key| !known(key)) {
+            return Err(Refusal::new(format!("parameter '{key}'"), WANTED));
+        }
+        let fits = |list: &Vec<f64>| list.len() == count && list.iter().all(|value| value.is_finite());
+        let is_whole = fits(&self.value_px)
+            && fits(&self.gradient)
+            && self.information.len() == count
+            && self.information.iter().all(fits);
+        let found = || "its lists differ in length or are not numbers";
+        Refusal::unless(count > 0 && is_whole, found, WANTED)
+    }
+
+    /// The parameters.
+    pub fn known(&self) -> impl Iterator<Item = &'static Parameter> + '_ {
+        self.parameters.iter().filter_map(|key| PARAMETERS.iter().find(|parameter| parameter.key == key))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::camera::tests::seed;
+    use crate::camera::{Aperture, Layout};
+
+    /// A step moves a lenslet as far as its slope says.
+    #[test]
+    fn slopes_are_those_of_the_lattice() {
+        let given = seed(40, Aperture::Circle, Layout::Square, 0.003);
+        let pixel_mm = given.sensor.pixel_pitch_mm;
+        for parameter in PARAMETERS {
+            for at in [DVec2::new(1.1, -0.4), DVec2::new(-0.2, 0.8)] {
+                let before = given.lattice().nearest_centre_mm(at);
+                let seen_px = before * (1.0 + given.image_growth()) / pixel_mm;
+                let Some(slope) = parameter.shift_px(&given, seen_px) else { continue };
+                let mut moved = given.clone();
+                parameter.step(&mut moved, 0.5);
+                let after = moved.lattice().nearest_centre_mm(before);
+                let found = 2.0 * (after - before) / pixel_mm;
+                assert!((found - slope).abs().max_element() < 2e-3, "{}: {found}, {slope}", parameter.key);
+                assert!(slope.length() > 1e-3);
+            }
+        }
+    }
+
+    #[test]
+    fn steps_add_up_and_go_back() {
+        let given = seed(40, Aperture::Circle, Layout::Square, 0.003);
+        for parameter in PARAMETERS.iter().filter(|parameter| parameter.key != "blur_px") {
+            let mut moved = given.clone();
+            parameter.step(&mut moved, 0.3);
+            assert_ne!(moved, given, "{}", parameter.key);
+            parameter.step(&mut moved, -0.3);
+            let lattice = |camera: &Camera| camera.lattice().nearest_centre_mm(DVec2::new(0.4, -0.2));
+            assert!(lattice(&moved).distance(lattice(&given)) < 1e-6, "{}", parameter.key);
+            let f_number = moved.main_lens.working_f_number / given.main_lens.working_f_number;
+            assert!((f_number - 1.0).abs() < 0.01 && moved.check().is_ok());
+        }
+    }
+}
