@@ -5,6 +5,7 @@ use super::sample::Sample;
 use crate::cameras::lens::{LENSES, lens};
 use crate::cameras::shape::{ANALYTIC, Free, LEAST_PX, Shape};
 use crate::model::buffers::FitBuffers;
+use crate::solve::normal::FINE;
 use glam::DVec2;
 use lf_core::Refusal;
 
@@ -22,7 +23,7 @@ impl Sample<'_> {
     pub(crate) fn cause(&self) -> Result<Option<usize>, Refusal> {
         let mut buffers = FitBuffers::default();
         let state = self.state(&self.cameras, EVERY, &mut buffers)?;
-        let found = self.equations(&state, DAMPING, &mut buffers);
+        let found = self.equations(&state, (DAMPING, FINE), &mut buffers);
         let Shape { lens_px, .. } = self.cameras.first().shape;
         let foreseen = |lens: Option<usize>| {
             let free = Free { lens: std::array::from_fn(|k| Some(k) == lens), ..self.free };

@@ -5,6 +5,7 @@ use super::sample::Sample;
 use crate::cameras::shape::SHAPES;
 use crate::model::buffers::FitBuffers;
 use crate::solve::joint::LEAST_DAMPING;
+use crate::solve::normal::DEEP;
 use lf_core::camera::{Evidence, PARAMETERS};
 use lf_core::{Camera, Refusal};
 
@@ -16,7 +17,7 @@ impl Sample<'_> {
     pub(crate) fn evidence(&self, excess: f64) -> Result<Evidence, Refusal> {
         let mut buffers = FitBuffers::default();
         let view = self.cameras.first();
-        let found = self.equations(&self.state(&self.cameras, 1, &mut buffers)?, LEAST_DAMPING, &mut buffers);
+        let found = self.equations(&self.state(&self.cameras, 1, &mut buffers)?, (LEAST_DAMPING, DEEP), &mut buffers);
 
         // Eliminate the size, which each frame may have for itself.
         let is_free = self.free.shapes(&view.shape);

@@ -8,7 +8,7 @@ use crate::cameras::view::Cameras;
 use crate::model::buffers::FitBuffers;
 use crate::model::particle_image::{ParticleImage, Slopes, UNKNOWNS};
 use crate::solve::joint::{DAMPING, LEAST_DAMPING, LESS, MORE};
-use crate::solve::normal::{DEEP, Normal, cholesky, conjugate_gradients, dot};
+use crate::solve::normal::{CgLimits, DEEP, Normal, cholesky, conjugate_gradients, dot};
 use glam::DVec2;
 use lf_core::Refusal;
 use lf_core::linear::{inverse_column, solve};
@@ -130,7 +130,7 @@ impl Sample<'_> {
 
     /// The step of the shape and those of the particles.
     fn step(&self, state: &State, damping: f64, buffers: &mut FitBuffers) -> Step {
-        let Equations { right, reduced, particles, .. } = self.equations(state, damping, buffers);
+        let Equations { right, reduced, particles, .. } = self.equations(state, (damping, DEEP), buffers);
         let view = self.cameras.first();
         let (step, std) = shape_step(&view.shape, self.free.shapes(&view.shape), &right, &reduced);
         let moves = particles.iter().map(|solutions| solutions.steps(step)).collect();
@@ -138,12 +138,14 @@ impl Sample<'_> {
     }
 
     /// Equations of the shape bordered by the particles', from which the particles are eliminated.
-    pub(super) fn equations(&self, state: &State, damping: f64, buffers: &mut FitBuffers) -> Equations {
+    pub(super) fn equations(&self, state: &State, damping: (f64, CgLimits), buffers: &mut FitBuffers) -> Equations {
         let is_free = self.free.shapes(&self.cameras.first().shape);
         let mut sum = Equations::default();
         for (part, state) in self.parts.iter().zip(&state.parts) {
             part.add_equations(&self.cameras, state, is_free, damping, buffers, &mut sum);
         }
+        // Sums have the lower triangle.
+        (0..SHAPES).for_each(|a| (0..a).for_each(|b| sum.reduced[b][a] = sum.reduced[a][b]));
         sum
     }
 }
@@ -194,7 +196,7 @@ impl SamplePart {
         cameras: &Cameras,
         state: &PartState,
         is_free: [bool; SHAPES],
-        damping: f64,
+        (damping, limits): (f64, CgLimits),
         buffers: &mut FitBuffers,
         sum: &mut Equations,
     ) {
@@ -213,23 +215,23 @@ impl SamplePart {
             }
             for a in (0..SHAPES).filter(|a| is_free[*a]) {
                 sum.right[a] += slopes[a] * weighed;
-                (0..SHAPES).for_each(|b| sum.reduced[a][b] += weight * slopes[a] * slopes[b]);
+                (0..=a).for_each(|b| sum.reduced[a][b] += weight * slopes[a] * slopes[b]);
             }
         }
         let none = || vec![[0.0; UNKNOWNS]; state.images.len()];
         let mixed: [Vec<[f64; UNKNOWNS]>; SHAPES] =
             std::array::from_fn(|a| if is_free[a] { self.mixed(state, a, buffers) } else { none() });
         // Eliminate the particles.
-        let own = conjugate_gradients(&normal, &normal.gradient, damping, DEEP);
+        let own = conjugate_gradients(&normal, &normal.gradient, damping, limits);
         // Unfinished solutions make the shape's steps shorter, never longer.
         let solved: [Vec<[f64; UNKNOWNS]>; SHAPES] = std::array::from_fn(|a| match is_free[a] {
-            true => conjugate_gradients(&normal, &mixed[a], damping, DEEP),
+            true => conjugate_gradients(&normal, &mixed[a], damping, limits),
             false => none(),
         });
         buffers.wipe();
         for a in (0..SHAPES).filter(|a| is_free[*a]) {
             sum.right[a] -= dot(&mixed[a], &own);
-            (0..SHAPES).for_each(|b| sum.reduced[a][b] -= dot(&mixed[a], &solved[b]));
+            (0..=a).for_each(|b| sum.reduced[a][b] -= dot(&mixed[a], &solved[b]));
         }
         sum.particles.push(Solutions { own, solved });
     }
