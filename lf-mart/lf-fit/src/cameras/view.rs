@@ -27,6 +27,8 @@ pub struct CameraView<'a> {
     pub light: f64,
     /// From the frame of the first camera to its own.
     pub pose: Pose,
+    /// Standard uncertainties of a pose that was fitted: turns about the camera's axes, rad, and shifts along them, mm.
+    pub pose_std: Option<([f64; 3], [f64; 3])>,
     /// Particles that it found alone.
     pub particles_alone: usize,
     /// Particles that it shares with the cameras before it.
@@ -76,6 +78,7 @@ impl<'a> CameraView<'a> {
             noise,
             light: 1.0,
             pose: Pose::default(),
+            pose_std: None,
             particles_alone: 0,
             shared: 0,
             pixel_mm: camera.pixel_in_focus_mm(),

@@ -216,7 +216,7 @@ fn report(arguments: &Arguments, found: &Fit, session: &mut Session) {
     let mut lines = Vec::new();
     for (n, view) in found.cameras.iter().enumerate() {
         let (name, mut line) = (io::name(&arguments.camera[n]), statistics(view));
-        let CameraView { shape, light, pose, particles_alone, shared, .. } = view;
+        let CameraView { shape, light, pose, pose_std, particles_alone, shared, .. } = view;
         line["camera"] = json!(name);
         line["light"] = json!(light);
         line["particles_alone"] = json!(particles_alone);
@@ -231,6 +231,9 @@ fn report(arguments: &Arguments, found: &Fit, session: &mut Session) {
         if n > 0 {
             line["shared"] = json!(shared);
             line["pose"] = json!(pose);
+            if let Some((turn_rad, shift_mm)) = pose_std {
+                line["pose_std"] = json!({"turn_rad": turn_rad, "shift_mm": shift_mm});
+            }
             if (*shared as f64) < SHARED * found.cameras[0].particles_alone.min(*particles_alone) as f64 {
                 session.warn(format!(
                     "{name}: finds {particles_alone} particles alone, and {shared} of them where a camera before it finds \

@@ -11,7 +11,7 @@ use crate::search::particles::Particles;
 use crate::solve::covariance::Prior;
 use crate::solve::normal::cholesky;
 use glam::{DMat3, DQuat, DVec3};
-use lf_core::linear::solve;
+use lf_core::linear::{inverse_column, solve};
 use rayon::prelude::*;
 
 /// Unknowns of a further camera: the logarithm of its light, a turn about the axes of its frame, rad, and a shift along
@@ -21,6 +21,9 @@ const UNKNOWN: usize = 7;
 const MOST_OFF: f64 = 0.5;
 /// Smallest number of particles that determine a pose.
 const LEAST: usize = 12;
+/// Errors of the images of particles look like shifts of this size along the axes of a camera, px. They are added to
+/// the stated uncertainties of a pose.
+const MODEL_PX: [f64; 3] = [0.01, 0.01, 0.07];
 /// Longest step of the light's logarithm.
 const LIGHT_STEP: f64 = 0.3;
 
@@ -46,7 +49,9 @@ pub(crate) fn align(particles: &mut Particles, prior: Prior, moves: bool) {
         let step = step(&gradients(particles), camera, &particles.cameras, prior, moves);
         let pixel_mm = particles.cameras.pixel_mm();
         if let Some(step) = step {
-            step.take(&mut particles.cameras.views[camera], pixel_mm);
+            let view = &mut particles.cameras.views[camera];
+            step.take(view, pixel_mm);
+            view.pose_std = moves.then(|| step.pose_std(particles.list.iter().map(|one| one.place_mm), pixel_mm));
         }
         particles.render();
     }
@@ -86,35 +91,39 @@ fn gradient(particles: &Particles, n: usize, window: &Window, buffers: &mut FitB
     Seen { place_mm: particle.place_mm, by_camera }
 }
 
-/// A step of a camera's light and pose.
+/// A step of a camera's light and pose, and standard uncertainties; 0 for what is held.
 #[derive(Debug, Clone, Copy, PartialEq)]
-struct Step([f64; UNKNOWN]);
+struct Step {
+    by: [f64; UNKNOWN],
+    std: [f64; UNKNOWN],
+}
 
 /// The step of a further camera; None if too few particles determine it.
 fn step(particles: &[Seen], camera: usize, cameras: &Cameras, prior: Prior, moves: bool) -> Option<Step> {
     // Sum up what the particles that both see say about the camera.
     let mut matrix = [[0f64; UNKNOWN]; UNKNOWN];
     let mut right = [0f64; UNKNOWN];
-    let mut count = 0;
+    let mut each = Vec::new();
     for Seen { place_mm, by_camera } in particles {
         let Information { fisher, gradient } = &by_camera[camera];
         let own = fisher[COUNTS][COUNTS];
         if own <= 0.0 || (gradient[COUNTS] / own).abs() > MOST_OFF {
             continue;
         }
-        count += 1;
         let rest = schur_complement(by_camera, camera, prior);
         let by = effect(&cameras.views[camera], *place_mm, cameras.pixel_mm());
+        let own: [f64; UNKNOWN] = std::array::from_fn(|a| (0..UNKNOWNS).map(|k| by[k][a] * rest.gradient[k]).sum());
+        each.push(own);
         for a in 0..UNKNOWN {
+            right[a] += own[a];
             let along = |k: usize| (0..UNKNOWNS).map(|n| rest.fisher[k][n] * by[n][a]).sum::<f64>();
             let turned: Vector = std::array::from_fn(along);
-            right[a] += (0..UNKNOWNS).map(|k| by[k][a] * rest.gradient[k]).sum::<f64>();
             for b in 0..UNKNOWN {
                 matrix[b][a] += (0..UNKNOWNS).map(|k| by[k][b] * turned[k]).sum::<f64>();
             }
         }
     }
-    if count < LEAST {
+    if each.len() < LEAST {
         return None;
     }
 
@@ -124,10 +133,18 @@ fn step(particles: &[Seen], camera: usize, cameras: &Cameras, prior: Prior, move
     cholesky(&mut system, size);
     let mut solved = right[..size].to_vec();
     solve(&system, &mut solved);
-    let mut step = [0.0; UNKNOWN];
-    step[..size].copy_from_slice(&solved);
-    step[0] = step[0].clamp(-LIGHT_STEP, LIGHT_STEP);
-    step.iter().all(|value| value.is_finite()).then_some(Step(step))
+    let mut step = Step { by: [0.0; UNKNOWN], std: [0.0; UNKNOWN] };
+    step.by[..size].copy_from_slice(&solved);
+    step.by[0] = step.by[0].clamp(-LIGHT_STEP, LIGHT_STEP);
+    // Particles that pull in more different ways than noise lets them know less.
+    let inverse: Vec<Vec<f64>> = (0..size).map(|n| inverse_column(&system, size, n)).collect();
+    for n in 0..size {
+        let pull = |own: &[f64; UNKNOWN]| inverse[n].iter().zip(own).map(|(a, b)| a * b).sum::<f64>();
+        let mean = each.iter().map(pull).sum::<f64>() / each.len() as f64;
+        let scatter: f64 = each.iter().map(|own| (pull(own) - mean).powi(2)).sum();
+        step.std[n] = inverse[n][n].max(scatter).sqrt();
+    }
+    step.by.iter().all(|value| value.is_finite()).then_some(step)
 }
 
 /// A camera's information when the particle follows: `F - F T^-1 F` and `g - F T^-1 t`, T and t those of all cameras.
@@ -171,11 +188,24 @@ fn effect(view: &CameraView, place: [f64; 3], pixel_mm: f64) -> [[f64; UNKNOWN];
 }
 
 impl Step {
+    /// Standard uncertainties of the turns, rad, and the shifts, mm, from particles at these places.
+    fn pose_std(&self, places_mm: impl Iterator<Item = [f64; 3]> + Clone, pixel_mm: f64) -> ([f64; 3], [f64; 3]) {
+        let count = places_mm.clone().count() as f64;
+        let mean = places_mm.clone().map(DVec3::from).sum::<DVec3>() / count;
+        let square = places_mm.map(|place| (DVec3::from(place) - mean).length_squared()).sum::<f64>() / count;
+        let turn = MODEL_PX[0] * pixel_mm / square.sqrt();
+        let (turns, shifts) = (&self.std[1..4], &self.std[4..7]);
+        (
+            std::array::from_fn(|n| turns[n].hypot(turn)),
+            std::array::from_fn(|n| shifts[n].hypot(MODEL_PX[n]) * pixel_mm),
+        )
+    }
+
     /// Moves the camera.
     fn take(&self, view: &mut CameraView, pixel_mm: f64) {
-        let [light, a, b, c, x, y, z] = self.0;
+        let [light, a, b, c, x, y, z] = self.by;
         view.light *= light.exp();
-        if self.0[1..] == [0.0; UNKNOWN - 1] {
+        if self.by[1..] == [0.0; UNKNOWN - 1] {
             return;
         }
         let turn = DQuat::from_scaled_axis(DVec3::new(a, b, c));
@@ -206,7 +236,8 @@ mod tests {
     fn light_and_pose_of_a_camera_come_back() {
         let sights = [Sight::new(30), Sight::new(30)];
         let mut truth = view(&sights[1], ASIDE, 0.8);
-        Step([0.0, 2e-4, -3e-4, 1e-4, 0.2, -0.3, 0.4]).take(&mut truth, PIXEL_MM);
+        let by = [0.0, 2e-4, -3e-4, 1e-4, 0.2, -0.3, 0.4];
+        Step { by, std: [0.0; UNKNOWN] }.take(&mut truth, PIXEL_MM);
         let place = |n: usize| {
             let part = |by: f64| (n as f64 * by).fract() - 0.5;
             [0.9 * part(0.618_034), 0.9 * part(0.754_878), 1.6 * part(0.569_840)]
