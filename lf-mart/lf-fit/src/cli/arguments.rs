@@ -58,8 +58,7 @@ pub struct Arguments {
     #[arg(long, value_name = "FILE", requires = "start", help_heading = FIT)]
     pub start_field: Option<PathBuf>,
     /// Keep as given instead of fitting: the size of particles, the drift of the lattice, the blur of a camera that has
-    /// one, the f-number, pitch, rotation and aberrations of a camera that does not explain its image, or the poses of
-    /// further cameras
+    /// one, other parameters of a camera that does not explain its image, or the poses of further cameras
     #[arg(
         long,
         value_enum,
