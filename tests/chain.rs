@@ -40,6 +40,27 @@ fn the_list_has_every_stage_that_make_runs() {
     }
 }
 
+/// The frames of REFINE are fitted with the camera as calibrated, and the refined camera is that of all others.
+#[test]
+fn refine_begins_with_the_evidence_of_its_frames() {
+    if !has_programs(&["make"]) {
+        return;
+    }
+    let place = tempfile::tempdir().unwrap();
+    let planned = pipeline(campaign(), place.path(), &["-n", "-k", "flows", "REFINE=0001a 0002a"]).output().unwrap();
+    let planned = String::from_utf8(planned.stdout).unwrap();
+    let line = |tool: &str, what: &str| {
+        let is_it = |line: &&str| line.starts_with("printf") && line.contains(tool) && line.contains(what);
+        planned.lines().find(is_it).unwrap_or_else(|| panic!("{tool} {what}\n{planned}"))
+    };
+    for name in ["0001a", "0002a"] {
+        let fit = line("lf-fit", &format!("evidence-{name}.json"));
+        assert!(fit.contains("camera-lattice.json") && fit.contains(&format!("evidence-support-{name}.lfv")), "{fit}");
+    }
+    let refine = line("lf-calib refine", "camera-refine.json");
+    assert!(refine.contains("evidence-0001a.json") && refine.contains("evidence-0002a.json"), "{refine}");
+}
+
 /// Snakemake makes the bytes that make makes, leaves out pairs, and refuses settings that do not exist.
 #[test]
 fn snakemake_runs_the_same_stages() {
