@@ -5,7 +5,7 @@
 //! one that explains most first, until none is worth it.
 
 use crate::fit::changes::record;
-use lf_core::camera::{Correction, Evidence, PARAMETERS, Parameter};
+use lf_core::camera::{Correction, Evidence, PARAMETERS, Parameter, stepped};
 use lf_core::linear::{cholesky, inverse_column, solve};
 use lf_core::{Camera, Refusal};
 use serde_json::json;
@@ -119,18 +119,19 @@ pub fn refine(camera: &Camera, frames: &[Evidence]) -> Result<Refined, Refusal> 
     let (mut chosen, mut found, mut scatter) = (Vec::new(), Solution::default(), 1.0);
     while let Some((next, solution)) = best(&sum, &chosen, found.gain, scatter) {
         chosen.push(next);
-        (found, scatter) = (solution, scatter_of(&each, &sum, &chosen));
+        scatter = scatter_of(&each, &sum, &chosen, &solution.steps);
+        found = solution;
     }
     let is_sure = |n: usize| found.steps[n].abs() > (SURE * scatter * found.std(n)).max(LEAST_PX);
     let sure: Vec<usize> = (0..chosen.len()).filter(|n| is_sure(*n)).map(|n| chosen[n]).collect();
     if sure.len() < chosen.len() {
         found = sum.solve(&sure).unwrap_or_default();
         chosen = sure;
-        scatter = scatter_of(&each, &sum, &chosen);
+        scatter = scatter_of(&each, &sum, &chosen, &found.steps);
     }
 
     let mut refined = Refined {
-        camera: camera.clone(),
+        camera: stepped(camera, chosen.iter().map(|at| sum.parameters[*at]).zip(found.steps.iter().copied())),
         corrected: Vec::new(),
         correlations: Vec::new(),
         particles: frames.iter().map(|frame| frame.particles).sum(),
@@ -139,7 +140,6 @@ pub fn refine(camera: &Camera, frames: &[Evidence]) -> Result<Refined, Refusal> 
     };
     for (n, at) in chosen.iter().enumerate() {
         let (parameter, step) = (*sum.parameters[*at], found.steps[n]);
-        parameter.step(&mut refined.camera, step);
         refined.corrected.push(Correction::new(parameter, camera, step, (scatter * found.std(n)).hypot(MODEL_PX)));
         let correlation = |m: usize| found.covariance[n][m] / (found.std(n) * found.std(m));
         refined.correlations.push((0..chosen.len()).map(correlation).collect());
@@ -163,15 +163,14 @@ fn best(sum: &Equations, chosen: &[usize], gain: f64, scatter: f64) -> Option<(u
     others.filter_map(with).filter(is_worth).max_by(|a, b| a.1.gain.total_cmp(&b.1.gain))
 }
 
-/// See [`Refined::scatter`]; of the chosen parameters, or of all drifts if there are none. Never below 1.
-fn scatter_of(each: &[Equations], sum: &Equations, chosen: &[usize]) -> f64 {
+/// See [`Refined::scatter`]; of the chosen parameters, whose steps are `common`. Never below 1.
+fn scatter_of(each: &[Equations], sum: &Equations, chosen: &[usize], common: &[f64]) -> f64 {
     let parameters: Vec<&Parameter> = chosen.iter().map(|n| sum.parameters[*n]).collect();
-    let Some(common) = sum.solve(chosen) else { return 1.0 };
     let (mut squares, mut count) = (0.0, 0);
     for frame in each {
         let at = frame.places(&parameters);
         let Some(own) = frame.solve(&at) else { continue };
-        let off: Vec<f64> = own.steps.iter().zip(&common.steps).map(|(own, common)| own - common).collect();
+        let off: Vec<f64> = own.steps.iter().zip(common).map(|(own, common)| own - common).collect();
         let along = |a: usize| (0..at.len()).map(|b| frame.matrix[at[a]][at[b]] * off[b]).sum::<f64>();
         squares += (0..at.len()).map(|a| off[a] * along(a)).sum::<f64>();
         count += 1;

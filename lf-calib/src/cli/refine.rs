@@ -2,14 +2,12 @@
 
 use super::{arguments::RefineArguments, files::save_found};
 use lf_calib::Refined;
-use lf_core::camera::Evidence;
+use lf_core::camera::{EXPLAINED, Evidence};
 use lf_core::{Camera, Error, Refusal, Result, Session, Verdict, io};
 use std::path::Path;
 
 /// Frames of one camera differ from it by less than this times what they state.
 const ALIKE: f64 = 2.0;
-/// Noise explains differences with a mean square below this.
-const EXPLAINED: f64 = 1.4;
 
 pub fn refine(arguments: &RefineArguments, session: &mut Session) -> Result<Verdict> {
     let RefineArguments { camera, evidence, output, .. } = arguments;

@@ -60,7 +60,7 @@ pub use crate::lattice::{Layout, Microlenses};
 pub(crate) use aberrations::RayAberrations;
 pub use blur::Diffraction;
 pub use derived::ALIGNED_PX;
-pub use evidence::{COUNT, Correction, Evidence, PARAMETERS, Parameter};
+pub use evidence::{COUNT, Correction, EXPLAINED, Evidence, PARAMETERS, Parameter, stepped};
 pub use model::{
     Aberrations, Aperture, Blur, Camera, Distortion, MainLens, Medium, Sensor, SensorNoise, Telecentric, Tilt,
 };

@@ -41,4 +41,4 @@ pub use cameras::view::CameraView;
 pub use memory::estimated_bytes;
 pub use particle::{FoundParticle, Particle};
 pub use search::ends::PiledUp;
-pub use stages::{Changes, Doubts, EXPLAINED, Fit, FitOptions, Progress, fit};
+pub use stages::{Changes, Doubts, Fit, FitOptions, Progress, fit};

@@ -24,7 +24,7 @@ use crate::solve::covariance::Prior;
 use crate::solve::joint::StopRule;
 use crate::solve::untold::widen;
 use lf_core::Refusal;
-use lf_core::camera::{Evidence, Pose};
+use lf_core::camera::{EXPLAINED, Evidence, Pose};
 
 /// The options of a fit.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -106,10 +106,6 @@ pub struct Doubts {
     /// The number of particles that the given ones lacked, if the fit began anew without the given ones.
     pub missing: Option<usize>,
 }
-
-/// The largest misfit that noise explains. Right models of real optics leave 0.95 to 1.06 under the noise of a sensor,
-/// and up to 1.34 under that of few rays; an f-number 2 % off leaves 1.9, a pitch 0.03 % off 2.2.
-pub const EXPLAINED: f64 = 1.4;
 
 /// Differences between the stages of one camera and those of several.
 #[derive(Debug)]

@@ -13,11 +13,6 @@ pub(crate) fn lens(n: usize) -> &'static Parameter {
     &PARAMETERS[OTHERS + n]
 }
 
-/// A camera after steps in pixels.
-pub(crate) fn stepped(camera: &mut Camera, steps_px: [f64; LENSES]) {
-    (0..LENSES).filter(|n| steps_px[*n] != 0.0).for_each(|n| lens(n).step(camera, steps_px[n]));
-}
-
 /// The parameters that were corrected.
 pub(crate) fn corrections(camera: &Camera, steps_px: [f64; LENSES], std_px: &[f64]) -> Vec<Correction> {
     let corrected = (0..LENSES).filter(|n| steps_px[*n] != 0.0);

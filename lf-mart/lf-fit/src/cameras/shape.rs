@@ -5,8 +5,8 @@
 //! [`Free`], and its derivative among [`lf_core::particle_image::QUANTITIES`]. A parameter of the camera needs only an
 //! entry in [`lf_core::camera::PARAMETERS`].
 
-use super::lens::{LENSES, corrections, stepped};
-use lf_core::camera::{Blur, COUNT, Correction};
+use super::lens::{LENSES, corrections};
+use lf_core::camera::{Blur, COUNT, Correction, PARAMETERS, stepped};
 use lf_core::particle_image::ParticleModel;
 use lf_core::{Camera, Refusal};
 
@@ -110,11 +110,8 @@ impl Shape {
 
     /// The camera with its lattice, its blur and its parameters as they are found.
     pub fn camera(&self, camera: &Camera) -> Camera {
-        let mut moved = camera.clone();
-        stepped(&mut moved, self.lens_px);
-        for (axis, offset) in moved.microlenses.offset_mm.iter_mut().enumerate() {
-            *offset += self.drift_px[axis] * camera.sensor.pixel_pitch_mm;
-        }
+        let [_, steps @ ..] = Self { blur_px: None, ..*self }.values();
+        let mut moved = stepped(camera, PARAMETERS.iter().zip(steps));
         if let Some(sigma_px) = self.blur_px {
             moved.blur = Some(Blur { sigma_px, ..camera.blur.unwrap_or(UNNAMED) });
         }

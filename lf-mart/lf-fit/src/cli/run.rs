@@ -3,12 +3,12 @@
 use super::arguments::Arguments;
 use super::inputs;
 use glam::DMat3;
-use lf_core::camera::{Correction, Evidence, Pose};
+use lf_core::camera::{Correction, EXPLAINED, Evidence, Pose};
 use lf_core::particles::{self, Uncertainty};
 use lf_core::{Camera, Error, Result, Session, Verdict, cli, image, io, volume};
 use lf_fit::{
-    self as fit, CameraInput, CameraView, Changes, Doubts, EXPLAINED, Fit, FitOptions, FoundParticle, Particle,
-    PiledUp, Progress, RANDOM,
+    self as fit, CameraInput, CameraView, Changes, Doubts, Fit, FitOptions, FoundParticle, Particle, PiledUp, Progress,
+    RANDOM,
 };
 use serde_json::{Value, json};
 use std::path::Path;
