@@ -28,6 +28,12 @@ impl Axis {
     /// either side.
     #[inline(always)]
     pub(super) fn lit(&self, alpha: f64, half: f64, reach: f64, beside_px: f64) -> Option<(i64, i64)> {
+        self.lit_on(alpha, half, reach, beside_px, [0.0, self.pixels as f64])
+    }
+
+    /// Like [`Self::lit`], of pixels within `sensor`.
+    #[inline(always)]
+    fn lit_on(&self, alpha: f64, half: f64, reach: f64, beside_px: f64, sensor: [f64; 2]) -> Option<(i64, i64)> {
         let (low, high) = if alpha.abs() * half < 1e-9 * reach {
             if self.chief.abs() > reach { (1.0, 0.0) } else { (-half, half) }
         } else {
@@ -38,8 +44,8 @@ impl Axis {
             return None;
         }
         let (a, b) = (self.zero - self.slope * low, self.zero - self.slope * high);
-        let first = (a.min(b) - beside_px).floor().max(0.0) as i64;
-        let end = (a.max(b) + beside_px).ceil().clamp(0.0, self.pixels as f64) as i64;
+        let first = (a.min(b) - beside_px).floor().max(sensor[0]) as i64;
+        let end = (a.max(b) + beside_px).ceil().clamp(sensor[0], sensor[1]) as i64;
         (first < end).then_some((first, end))
     }
 
@@ -52,8 +58,9 @@ impl Axis {
         half: f64,
         corner: f64,
         (spot, blur_px): (f64, f64),
+        sensor: [f64; 2],
     ) -> Option<(i64, i64)> {
-        let (first, end) = self.lit(alpha, half, corner + REACH_SIGMA * spot, REACH * blur_px)?;
+        let (first, end) = self.lit_on(alpha, half, corner + REACH_SIGMA * spot, REACH * blur_px, sensor)?;
         if alpha.abs() * half < SMALL * spot {
             return Some((first, end));
         }

@@ -56,6 +56,16 @@ pub(super) fn sum_of_terms(t: &[f32; TERMS], u: f32, v: f32) -> (f32, [f32; 2]) 
     (sum, [by_u + u * both + fourth * t[10], by_v + v * both + fourth * t[11]])
 }
 
+/// The second derivatives of [`sum_of_terms`] by u and by v.
+#[inline(always)]
+pub(super) fn curvature_of_terms(t: &[f32; TERMS], u: f32, v: f32) -> [f32; 2] {
+    let (u2, v2, radial) = (u * u, v * v, u * t[10] + v * t[11]);
+    [
+        2.0 * t[3] + 6.0 * u * t[6] + 2.0 * v * t[7] + (12.0 * u2 + 4.0 * v2) * radial + 8.0 * (u2 + v2) * u * t[10],
+        2.0 * t[5] + 6.0 * v * t[9] + 2.0 * u * t[8] + (12.0 * v2 + 4.0 * u2) * radial + 8.0 * (u2 + v2) * v * t[11],
+    ]
+}
+
 impl Tracer {
     pub(super) fn new(camera: &Camera) -> Self {
         Self { bend: camera.has_bent_rays().then(least_squares) }
@@ -136,20 +146,6 @@ impl Beam {
         let across = by_v + 2.0 * v * vv + u * uv + u * u * uuv + 2.0 * u * v * uvv + 3.0 * v * v * vvv;
         let bent = [along + u * both + fourth * u_fourth, across + v * both + fourth * v_fourth];
         [0, 1].map(|n| straight[n] + bent[n] / half_aperture_mm)
-    }
-
-    /// Second derivatives of a hit by the place in the stop along x and along y, 1/mm.
-    #[inline(always)]
-    pub(super) fn curvature(&self, aperture: DVec2, half_aperture_mm: f64) -> [DVec2; 2] {
-        let Some(bend) = &self.bend else { return [DVec2::ZERO; 2] };
-        let (u, v) = (aperture / half_aperture_mm).into();
-        let [_, _, _, uu, _, vv, uuu, uuv, uvv, vvv, u_fourth, v_fourth] = *bend;
-        let ([u2, v2], both) = ([u * u, v * v], u * u_fourth + v * v_fourth);
-        let along = [
-            2.0 * uu + 6.0 * u * uuu + 2.0 * v * uuv + (12.0 * u2 + 4.0 * v2) * both + 8.0 * (u2 + v2) * u * u_fourth,
-            2.0 * vv + 6.0 * v * vvv + 2.0 * u * uvv + (12.0 * v2 + 4.0 * u2) * both + 8.0 * (u2 + v2) * v * v_fourth,
-        ];
-        along.map(|bent| bent / (half_aperture_mm * half_aperture_mm))
     }
 
     /// Coefficients of what is left of hits by `chief + alpha U`, mm, see [`terms`]; None for straight rays.

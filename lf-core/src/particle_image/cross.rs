@@ -1,6 +1,6 @@
 //! A product of two functions, one along each axis, as cubic B-splines.
 
-use super::spline::{Stencil, cubic, solve};
+use super::spline::{cubic, solve};
 use super::table::Table;
 
 /// A function along one axis, linear in the size.
@@ -40,37 +40,6 @@ impl Cross {
     /// The product of a function along x and one along y.
     pub(super) fn new(lines: [Line; 2]) -> Self {
         Self(lines)
-    }
-}
-
-/// Value, slope and curvature, then their derivatives by the size.
-pub(super) type LineJet = [f64; 6];
-
-impl Line {
-    /// Value, slope and curvature at a place, and their derivatives by the size.
-    #[inline(always)]
-    pub(super) fn jet(&self, x: f64, more: f64) -> LineJet {
-        let stencil = Stencil::new((x - self.low) * self.per_step, self.per_step, self.values.len());
-        let (values, by_size) = (&self.values[stencil.first..][..4], &self.by_size[stencil.first..][..4]);
-        let mut jet = [0.0; 6];
-        for k in 0..4 {
-            let value = values[k] + more * by_size[k];
-            for order in 0..3 {
-                jet[order] += stencil.weights[order][k] * value;
-            }
-            for order in 0..3 {
-                jet[3 + order] += stencil.weights[order][k] * by_size[k];
-            }
-        }
-        jet
-    }
-}
-
-impl Cross {
-    /// The function along an axis.
-    #[inline(always)]
-    pub(super) fn line(&self, axis: usize) -> &Line {
-        &self.0[axis]
     }
 }
 

@@ -1,25 +1,24 @@
 //! A lenslet's image of a particle on a blurred sensor: light and derivatives by place, from a picture of the cell
 //! (`pictures.rs`).
 //!
-//! It is the light of `blurred.rs` in pixels of the sensor and in f32: the mean M of the cell over a pixel, times the
-//! share of a bump that the stop lets through. Along an axis the picture's middle is at `zero + g chief` and its scale
-//! is |g|, with `g = slope / alpha`. Lenslets depart a little from a picture that they share (`departure.rs`).
+//! It is the light of `fine.rs`, all blur at once, in pixels of the sensor: the mean M of the cell over a pixel, times
+//! the share of a bump that the stop lets through. Along an axis the picture's middle is at `zero + g chief` and its
+//! scale is |g|, with `g = slope / alpha`. Lenslets depart a little from a picture that they share (`departure.rs`).
 
 use super::axis::Axis;
-use super::blurred;
-use super::cell_surface::Ladder;
+use super::cell_surface::{Ladder, REACH_SIGMA};
 use super::departure::{Bumps, Departure, Stop};
-use super::lenslet_image::{LIGHT, LensletImage, Listed, PLACES, Patch, Scratch};
+use super::fine::{DARK, LEAST_VARIANCE, MOST_SHIFT};
+use super::lenslet_image::{Cut, LensletImage, Listed, Patch, Scratch};
 use super::lenslet_lines::LensletLine;
 use super::picture_means::{NUMBERS, PictureMeans};
 use super::pictures::LANES;
+use super::quantities::{LIGHT, PLACES, QUANTITIES};
 use super::sensor_blur::SensorBlur;
 use super::view::View;
 use crate::normal::quick_distribution;
 use glam::DVec2;
 
-/// A pixel with a smaller mean of the cell is dark.
-pub(super) const DARK: f32 = 1e-5;
 /// Largest departure of a lenslet from a picture, px at the edge of its cell.
 const FARTHEST_PX: f32 = 0.12;
 /// Largest growth from one lenslet's picture to another's, px at its edge, and as a share. Lenslets before a tilted
@@ -50,6 +49,67 @@ struct Factors {
 }
 
 impl<T: Listed> LensletImage<'_, T> {
+    /// Whether the stop cuts nothing of what the cell takes of the spot.
+    #[inline(always)]
+    pub(super) fn is_inside_stop(&self, axes: &[Axis; 2], alpha: DVec2) -> bool {
+        let View { corner, cell_radius, has_round_stop, ref optics, .. } = *self.view;
+        let (chief, reach) = (DVec2::new(axes[0].chief, axes[1].chief), REACH_SIGMA * self.spot_mm);
+        let far = match has_round_stop {
+            true => (chief.length() + cell_radius + reach) / alpha.abs().min_element(),
+            false => ((chief.abs() + corner + reach) / alpha.abs()).max_element(),
+        };
+        far < optics.half_aperture_mm
+    }
+
+    /// Fills the scratch's pixels with all quantities where rays are straight and the stop cuts nothing: as on a sharp
+    /// sensor, with a wider spot. The outer option is None if rays bend or the stop cuts something.
+    #[inline(always)]
+    pub(super) fn unshaded(
+        &self,
+        (blur, ladder): (&SensorBlur, &Ladder<T>),
+        by_shift: f64,
+        line: &LensletLine,
+        scratch: &mut Scratch,
+    ) -> Option<Option<Patch>> {
+        let (axes, alpha) = self.axes(line);
+        if self.beam.is_bent() || !self.is_inside_stop(&axes, alpha) {
+            return None;
+        }
+        let (Some((left, right)), Some((top, bottom))) =
+            (self.lit(0, &axes[0], alpha.x), self.lit(1, &axes[1], alpha.y))
+        else {
+            return Some(None);
+        };
+        for (axis, (first, end)) in [(left, right), (top, bottom)].into_iter().enumerate() {
+            scratch.edges[axis].clear();
+            for edge in first..=end {
+                scratch.edges[axis].push(axes[axis].place(edge as f64, alpha[axis], by_shift, f64::INFINITY));
+            }
+        }
+        // Widen the spot by the blur.
+        let along = 0.5 * (alpha.x * axes[0].per_slope + alpha.y * axes[1].per_slope);
+        let variance = along * along * blur.sigma_px * blur.sigma_px;
+        let sigma_mm = (self.spot_mm * self.spot_mm + variance).sqrt();
+        let by_alpha = 2.0 * variance / (sigma_mm * (alpha.x + alpha.y));
+        let (by_spot, by_blur) = (self.spot_mm / sigma_mm, along * along * blur.sigma_px / sigma_mm);
+        let tables = ladder.nearest(sigma_mm);
+        let image = LensletImage { tables, spot_mm: sigma_mm, more_mm: sigma_mm - tables.sigma_mm, ..*self };
+        let [column, row] = [left, top].map(|first| first as u32);
+        let patch = Patch { column, row, columns: (right - left) as u32, rows: (bottom - top) as u32 };
+        scratch.pixels.clear();
+        scratch.pixels.resize((patch.columns * patch.rows) as usize, [0.0; QUANTITIES]);
+        T::integrate::<QUANTITIES>(&image, scratch, Cut::none(patch.columns, alpha, line.centre));
+        for pixel in &mut scratch.pixels {
+            for number in pixel.iter_mut() {
+                *number *= blur.share;
+            }
+            let by_size = pixel[4];
+            pixel[3] += by_size * by_alpha;
+            (pixel[4], pixel[7]) = (by_size * by_spot, by_size * by_blur);
+        }
+        Some(Some(patch))
+    }
+
     /// Growth from the array to the sensor along both axes, px a mm, and its mean.
     #[inline(always)]
     fn growths(axes: &[Axis; 2], alpha: DVec2) -> ([f64; 2], f64) {
@@ -69,24 +129,21 @@ impl<T: Listed> LensletImage<'_, T> {
     #[inline(always)]
     fn depart(
         &self,
-        blur: &SensorBlur,
-        (axes, alpha): (&[Axis; 2], DVec2),
         (growths, stop): ([f64; 2], Stop),
         (scale, blur_px): (f64, f64),
         is_whole: bool,
     ) -> Option<Option<Departure>> {
         let mean = 0.5 * (growths[0] + growths[1]);
         let own = scale.copysign(mean);
-        if !self.beam.is_bent() && growths.iter().all(|growth| (own / growth - 1.0).abs() < NO_GROWTH) {
+        if growths.iter().all(|growth| (own / growth - 1.0).abs() < NO_GROWTH) {
             return Some(None);
         }
-        let View { cell_radius, corner, pictures, optics, .. } = self.view;
+        let View { cell_radius, corner, pictures, .. } = self.view;
         let most = GROWTH.min(GROWTH_PX / (cell_radius * mean.abs()));
         if (mean / own - 1.0).abs() > most || !pictures.as_ref()?.has(scale, blur_px) {
             return None;
         }
-        let (half, variance) = (optics.half_aperture_mm, blur.kernel_px2());
-        let departure = Departure::new(self.beam, (axes, alpha), (growths, own), (half, variance), (stop, !is_whole));
+        let departure = Departure::new(growths, own, (stop, !is_whole));
         let edge = (mean.abs() * *corner).as_vec2().to_array();
         (departure.largest(edge) < FARTHEST_PX).then_some(Some(departure))
     }
@@ -101,7 +158,7 @@ impl<T: Listed> LensletImage<'_, T> {
         scratch: &mut Scratch,
     ) -> Option<Option<Patch>> {
         let (pictures, (axes, alpha)) = (self.view.pictures.as_ref()?, self.axes(line));
-        if alpha.x == 0.0 || alpha.y == 0.0 {
+        if self.beam.is_bent() || alpha.x == 0.0 || alpha.y == 0.0 {
             return None;
         }
         let (growths, growth) = Self::growths(&axes, alpha);
@@ -122,7 +179,7 @@ impl<T: Listed> LensletImage<'_, T> {
         let (is_whole, is_round) = (self.is_inside_stop(&axes, alpha), self.view.has_round_stop);
         let half = (self.view.optics.half_aperture_mm * axes[0].slope.abs()) as f32;
         let stop = Stop { middle: [0, 1].map(|n| (axes[n].zero - middle[n]) as f32), half, is_round };
-        let depart = |other: f64| self.depart(blur, (&axes, alpha), (growths, stop), (other, blur_px(other)), is_whole);
+        let depart = |other: f64| self.depart((growths, stop), (other, blur_px(other)), is_whole);
         let middles = (even.middle != even.scale).then_some(even.middle);
         let mut candidates = [Some(even.scale), middles, Some(scale)].into_iter().flatten();
         let (taken, departure) = candidates.find_map(|other| Some((other, depart(other)?)))?;
@@ -198,7 +255,7 @@ impl Factors {
         inside: impl Fn([f32; 2], [f32; 2], f32) -> (f32, [f32; 2], f32),
     ) {
         let v = self.variance;
-        let (most, least) = (blurred::MOST_SHIFT as f32 * v.sqrt(), blurred::LEAST_VARIANCE as f32);
+        let (most, least) = (MOST_SHIFT * v.sqrt(), LEAST_VARIANCE);
         for (first, out) in (0..).step_by(LANES).zip(out.chunks_mut(LANES)) {
             let eight = |numbers: &Vec<f32>| -> [f32; LANES] {
                 numbers[first..first + LANES].try_into().expect("eight pixels")
@@ -258,7 +315,7 @@ impl Factors {
     /// The variance of a bump is no less.
     #[inline(always)]
     fn least_variance(&self) -> f32 {
-        blurred::LEAST_VARIANCE as f32 * self.variance
+        LEAST_VARIANCE * self.variance
     }
 
     /// A round stop. Its rim is a parabola near the bump: it leaves out what the bump's width along the rim bends away.

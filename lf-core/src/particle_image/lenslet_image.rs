@@ -2,28 +2,23 @@
 
 use super::axis::Axis;
 use super::beam::Beam;
-use super::cell_surface::{Ladder, REACH_SIGMA, Tables};
-use super::cross::{Cross, LineJet, Read};
+use super::cell_surface::{Ladder, REACH_SIGMA, Tables, half_sides};
+use super::cross::{Cross, Read};
 use super::edge_sums::EdgeSums;
 use super::factor::Factor;
+use super::fine_light::FineLight;
 use super::lenslet_lines::LensletLine;
-use super::mean::{FourPlaces, Mean};
 use super::picture_means::PictureMeans;
 use super::place::{Place, width};
+use super::quantities::{LIGHT, PLACES, QUANTITIES};
 use super::rim::{self, Side, Strip, Way};
 use super::share::Shared;
-use super::spline::{Jet, Spline, Stencil, Taps};
+use super::spline::{Spline, Taps};
+use super::spots::Spots;
 use super::table::Table;
 use super::view::View;
+use crate::normal::quick_distribution;
 use glam::DVec2;
-
-/// Numbers of a pixel: share of the particle's light; its derivatives by x, y, z and by the standard deviation of the
-/// particle, all 1/mm; by the lattice's shift along the sensor's columns and rows, 1/mm; by the blur, 1/px.
-pub const QUANTITIES: usize = 8;
-/// The first of them: the share of light and its derivatives by place.
-pub const PLACES: usize = 4;
-/// The share of light alone.
-pub(super) const LIGHT: usize = 1;
 
 /// A rectangle of pixels.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -43,6 +38,11 @@ type Lists<T> = [Vec<(T, [f64; 3])>; 2];
 
 /// A table with lists of its own among the buffers, and the way from it to the pixels.
 pub(super) trait Listed: Table {
+    /// Fills the means of spots of standard deviation `sigma_mm` on the array.
+    fn fill_means(ladder: &Ladder<Self>, sigma_mm: f64, spots: &mut Spots)
+    where
+        Self: Sized;
+
     fn lists(scratch: &mut Scratch) -> &mut Lists<Self::Taps>;
 
     /// Fills the scratch's pixels from what the lenslets of a row and of a column share. None if they share nothing.
@@ -59,17 +59,6 @@ pub(super) trait Listed: Table {
         None
     }
 
-    /// Fills the scratch's means: the cell's share over each pixel between the scratch's edges, or at its middle if the
-    /// tables have the pixel's width already.
-    fn means<const N: usize>(tables: &Tables<Self>, more_mm: f64, has_pixel: bool, scratch: &mut Scratch)
-    where
-        Self: Sized;
-
-    /// Like `means`, but at the scratch's hits on the array, each with tables of its own size.
-    fn means_at<const N: usize>(ladder: &Ladder<Self>, scratch: &mut Scratch)
-    where
-        Self: Sized;
-
     /// Adds the light up, pixel by pixel.
     fn integrate<const N: usize>(image: &LensletImage<'_, Self>, scratch: &mut Scratch, cut: Cut)
     where
@@ -78,18 +67,16 @@ pub(super) trait Listed: Table {
 
 impl Listed for Spline {
     #[inline(always)]
+    fn fill_means(ladder: &Ladder<Self>, sigma_mm: f64, spots: &mut Spots) {
+        let count = spots.room();
+        let Spots { hit, means, .. } = spots;
+        let tables = ladder.nearest(sigma_mm);
+        tables.share.fill((hit, (sigma_mm - tables.sigma_mm) as f32), count, means);
+    }
+
+    #[inline(always)]
     fn lists(scratch: &mut Scratch) -> &mut Lists<Taps> {
         &mut scratch.taps
-    }
-
-    #[inline(always)]
-    fn means<const N: usize>(tables: &Tables<Self>, more_mm: f64, has_pixel: bool, scratch: &mut Scratch) {
-        tables.fill_means::<N>(more_mm, has_pixel, scratch);
-    }
-
-    #[inline(always)]
-    fn means_at<const N: usize>(ladder: &Ladder<Self>, scratch: &mut Scratch) {
-        ladder.fill_means_at::<N>(scratch);
     }
 
     #[inline(always)]
@@ -99,6 +86,35 @@ impl Listed for Spline {
 }
 
 impl Listed for Cross {
+    #[inline(always)]
+    fn fill_means(ladder: &Ladder<Self>, sigma_mm: f64, spots: &mut Spots) {
+        let count = spots.room();
+        let Spots { hit, means, .. } = spots;
+        let corner = half_sides(&ladder.corners);
+        let per_sigma = (1.0 / sigma_mm) as f32;
+        for first in (0..count).step_by(8) {
+            let mut jets = [[[0f32; 8]; 3]; 2];
+            for n in 0..2 {
+                let half = corner[n] as f32;
+                let hit: [f32; 8] = hit[n][first..first + 8].try_into().expect("eight spots");
+                for k in 0..8 {
+                    let (low, high) = ((hit[k] + half) * per_sigma, (hit[k] - half) * per_sigma);
+                    let ((a, a_by), (b, b_by)) = (quick_distribution(low), quick_distribution(high));
+                    jets[n][0][k] = a - b;
+                    jets[n][1][k] = (a_by - b_by) * per_sigma;
+                    jets[n][2][k] = (high * b_by - low * a_by) * per_sigma * per_sigma;
+                }
+            }
+            const ORDERS: [[usize; 2]; 6] = [[0, 0], [1, 0], [0, 1], [2, 0], [1, 1], [0, 2]];
+            for (list, [x, y]) in means.iter_mut().zip(ORDERS) {
+                let list: &mut [f32; 8] = (&mut list[first..first + 8]).try_into().expect("eight spots");
+                for k in 0..8 {
+                    list[k] = jets[0][x][k] * jets[1][y][k];
+                }
+            }
+        }
+    }
+
     #[inline(always)]
     fn lists(scratch: &mut Scratch) -> &mut Lists<Read> {
         &mut scratch.reads
@@ -116,16 +132,6 @@ impl Listed for Cross {
     }
 
     #[inline(always)]
-    fn means<const N: usize>(tables: &Tables<Self>, more_mm: f64, has_pixel: bool, scratch: &mut Scratch) {
-        tables.fill_means(more_mm, has_pixel, scratch);
-    }
-
-    #[inline(always)]
-    fn means_at<const N: usize>(ladder: &Ladder<Self>, scratch: &mut Scratch) {
-        ladder.fill_means_at(scratch);
-    }
-
-    #[inline(always)]
     fn integrate<const N: usize>(image: &LensletImage<'_, Self>, scratch: &mut Scratch, cut: Cut) {
         if image.beam.is_bent() {
             image.by_table::<N>(scratch, cut);
@@ -140,37 +146,18 @@ impl Listed for Cross {
 pub struct Scratch {
     pub(super) edges: [Vec<Place>; 2],
     pub(super) points: [Vec<Place>; 2],
-    pub(super) means: Vec<Mean>,
-    pub(super) fours: Vec<FourPlaces>,
-    /// Where rays through the middles of pixels meet the array.
-    pub(super) hits: Vec<Hit>,
-    pub(super) jets: [Vec<LineJet>; 2],
-    pub(super) stencils: Vec<Stencil>,
-    pub(super) corners: [Vec<Jet>; 2],
     pub(super) factors: [Vec<Factor>; 2],
     pub(super) shared: Shared,
     pub(super) edge_sums: EdgeSums,
     pub(super) even: PictureMeans,
+    pub(super) fine: FineLight,
+    pub(super) spots: Spots,
     taps: Lists<Taps>,
     reads: Lists<Read>,
     lines: [Vec<[f64; QUANTITIES]>; 2],
     pub(super) pixels: Vec<[f64; QUANTITIES]>,
     /// The first quantities of the pixels.
     pub(super) places: Vec<[f32; PLACES]>,
-}
-
-/// Where a bent ray through the middle of a pixel meets the array.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Hit {
-    /// From the lenslet's centre, mm.
-    pub(super) place: DVec2,
-    /// Sides of the pixel there, mm.
-    pub(super) width: DVec2,
-    /// How far the place moves with a column and with a row, mm/px.
-    pub(super) by_px: [DVec2; 2],
-    /// Spot and blur together there, mm, and whether the pixel is part of it.
-    pub(super) sigma_mm: f64,
-    pub(super) has_pixel: bool,
 }
 
 /// Pixels whose width on the array is below this many standard deviations of the spot are integrated by points.
@@ -227,7 +214,7 @@ impl<T: Listed> LensletImage<'_, T> {
         let (axis, alpha) = if beam.is_bent() { (&whole, beam.alpha) } else { (axis, alpha) };
         let (half, corner) = (view.optics.half_aperture_mm, view.corner[n] + beam.most_bend_mm);
         match &view.blur {
-            Some(blur) => axis.lit_blurred(alpha, half, corner, (spot, blur.sigma_px)),
+            Some(blur) => axis.lit_blurred(alpha, half, corner, (spot, blur.sigma_px), [0.0, axis.pixels as f64]),
             None => axis.lit(alpha, half, corner + REACH_SIGMA * spot, 0.0),
         }
     }

@@ -31,7 +31,6 @@
 
 mod axis;
 mod beam;
-mod blurred;
 mod blurred_factors;
 mod cell_surface;
 mod cross;
@@ -39,23 +38,27 @@ mod departure;
 mod edge_sums;
 mod even;
 mod factor;
+mod fine;
+mod fine_light;
+mod fine_sensor;
 mod lenslet_image;
 mod lenslet_lines;
-mod mean;
-mod means;
 mod model;
 mod picture_means;
 mod pictures;
 mod place;
+mod quantities;
 mod rectangle;
 mod rim;
 mod sensor_blur;
 mod share;
 mod spline;
+mod spots;
 mod table;
 #[cfg(test)]
 mod tests;
 mod view;
 
-pub use lenslet_image::{PLACES, Patch, QUANTITIES, Scratch};
+pub use lenslet_image::{Patch, Scratch};
 pub use model::ParticleModel;
+pub use quantities::{PLACES, QUANTITIES};

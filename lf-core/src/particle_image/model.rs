@@ -2,9 +2,10 @@
 
 use super::beam::{Beam, Tracer};
 use super::cell_surface::{Ladder, REACH_SIGMA, Surfaces, half_sides};
-use super::lenslet_image::{LIGHT, LensletImage, Listed, PLACES, Patch, QUANTITIES, Scratch};
+use super::lenslet_image::{LensletImage, Listed, Patch, Scratch};
 use super::lenslet_lines::LensletLines;
 use super::pictures::Pictures;
+use super::quantities::{LIGHT, PLACES, QUANTITIES};
 use super::sensor_blur::SensorBlur;
 use super::view::View;
 use crate::halo::Halo;
@@ -31,8 +32,6 @@ pub struct ParticleModel {
 
 /// Ratio of the sizes of neighbouring tables. Between two tables the model is linear in the size; it errs by 2e-4.
 const TABLE_RATIO: f64 = 1.04;
-/// [`TABLE_RATIO`] for a blurred camera, whose spots grow much with the distance from focus.
-const BLURRED_TABLE_RATIO: f64 = 1.08;
 /// The largest table, pitches of the lenslets.
 const MOST_PITCHES: f64 = 8.0;
 /// Spots smaller than this are drawn at this size, pixel pitches on the array.
@@ -67,9 +66,8 @@ impl ParticleModel {
         let is_fit = sigma_mm > 0.0 && sigma_mm * optics.beta(0.0) < 2.0 * pitch_mm;
         Refusal::unless(is_fit, found, "wanted more than 0, less than two lenslets at the focal plane")?;
         let blur = SensorBlur::new(camera);
-        let ratio = if blur.is_some() { BLURRED_TABLE_RATIO } else { TABLE_RATIO };
         let sizes: Vec<f64> =
-            std::iter::successors(Some(LEAST_SPOT_PX * optics.pixel_pitch_mm), |size| Some(ratio * size))
+            std::iter::successors(Some(LEAST_SPOT_PX * optics.pixel_pitch_mm), |size| Some(TABLE_RATIO * size))
                 .take_while(|size| *size < MOST_PITCHES * pitch_mm)
                 .collect();
         let corners = cell(&optics, pitch_mm, blur.is_some());
@@ -245,16 +243,26 @@ impl ParticleModel {
             let patch = match (T::by_axes::<N>(&image, line, by_shift, scratch), &self.view.blur) {
                 (Some(patch), _) => patch,
                 (None, None) => image.integrate::<N>(line, by_shift, scratch),
-                (None, Some(blur)) if N > PLACES => {
-                    image.blurred::<QUANTITIES>((blur, ladder), line, by_shift, scratch)
-                }
-                (None, Some(blur)) => match image.even::<N>((blur, ladder), line, scratch) {
-                    None => image.blurred::<PLACES>((blur, ladder), line, by_shift, scratch),
-                    Some(patch) => {
-                        patch.into_iter().for_each(|patch| found(patch, scratch));
+                // Not in closures: these are compiled for the oldest processors unless they are inlined.
+                (None, Some(blur)) if N > PLACES => match image.unshaded((blur, ladder), by_shift, line, scratch) {
+                    Some(patch) => patch,
+                    None => {
+                        if let Some(patch) = image.blurred::<N>((blur, ladder), (sigma_mm, by_shift), line, scratch) {
+                            found(patch, scratch);
+                        }
                         continue;
                     }
                 },
+                (None, Some(blur)) => {
+                    let patch = match image.even::<N>((blur, ladder), line, scratch) {
+                        Some(patch) => patch,
+                        None => image.blurred::<N>((blur, ladder), (sigma_mm, by_shift), line, scratch),
+                    };
+                    if let Some(patch) = patch {
+                        found(patch, scratch);
+                    }
+                    continue;
+                }
             };
             if let Some(patch) = patch {
                 to_place::<N>(beam, sigma_mm, scratch);

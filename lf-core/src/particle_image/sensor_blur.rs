@@ -1,8 +1,8 @@
 //! The blur of a sensor: how it widens the spot of a particle, and how much of a bump lies on one side of an edge.
 
+use super::fine_sensor::FineSensor;
 use crate::normal::{density, distribution};
 use crate::{Camera, halo::Halo};
-use glam::DVec4;
 
 /// Blur of a camera, as the images of particles see it.
 #[derive(Debug, Clone)]
@@ -13,27 +13,13 @@ pub(super) struct SensorBlur {
     pub(super) share: f64,
     pub(super) halo: Option<Halo>,
     pub(super) bell: Bell,
-}
-
-/// How the blur widens a particle's spot on the array.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Widened {
-    /// Standard deviation of spot and blur together, mm.
-    pub(super) sigma_mm: f64,
-    /// Its derivatives by the spot's own size, by alpha, mm, and by the blur, mm/px.
-    pub(super) by_spot: f64,
-    pub(super) by_alpha: f64,
-    pub(super) by_blur: f64,
-    /// Whether the pixel is so small on the array that it counts as a part of the Gaussian.
-    pub(super) has_pixel: bool,
+    pub(super) fine: FineSensor,
 }
 
 /// Light farther from the sharp image than this many standard deviations of the blur is left out: 0.1 % on a side.
 pub(super) const REACH: f64 = 3.0;
 /// Variance of a pixel, px^2.
 pub(super) const PIXEL_VARIANCE: f64 = 1.0 / 12.0;
-/// A pixel below this width on the array, in standard deviations of the spot, counts as a part of the Gaussian.
-const SMALL: f64 = 0.5;
 impl SensorBlur {
     /// None for a sharp camera.
     pub(super) fn new(camera: &Camera) -> Option<Self> {
@@ -41,7 +27,7 @@ impl SensorBlur {
         (sigma_px > 0.0).then(|| {
             let halo = Halo::new(camera);
             let share = halo.as_ref().map_or(1.0, Halo::middle_share);
-            Self { sigma_px, share, halo, bell: Bell::new() }
+            Self { sigma_px, share, halo, bell: Bell::new(), fine: FineSensor::new(sigma_px) }
         })
     }
 
@@ -55,28 +41,6 @@ impl SensorBlur {
     #[inline(always)]
     pub(super) fn kernel_px2(&self) -> f64 {
         PIXEL_VARIANCE + self.sigma_px * self.sigma_px
-    }
-
-    /// The spot of a particle on the array, widened by the blur. `px_by_stop` is how many pixels a millimetre of the
-    /// stop covers.
-    #[inline(always)]
-    pub(super) fn widened(&self, spot_mm: f64, alpha: f64, px_by_stop: f64) -> Widened {
-        let pixel_mm = 1.0 / px_by_stop.abs();
-        let along = (alpha * pixel_mm).abs();
-        let mut variance_px = self.sigma_px * self.sigma_px;
-        let blur_mm = along * self.sigma_px;
-        let has_pixel = along < SMALL * (spot_mm * spot_mm + blur_mm * blur_mm).sqrt();
-        if has_pixel {
-            variance_px += PIXEL_VARIANCE;
-        }
-        let sigma_mm = (spot_mm * spot_mm + along * along * variance_px).sqrt();
-        Widened {
-            sigma_mm,
-            by_spot: spot_mm / sigma_mm,
-            by_alpha: alpha * pixel_mm * pixel_mm * variance_px / sigma_mm,
-            by_blur: along * along * self.sigma_px / sigma_mm,
-            has_pixel,
-        }
     }
 }
 
@@ -114,14 +78,6 @@ impl Bell {
         let t = place - n as f64;
         let [a, b, c, d] = self.0[n];
         Some((a + t * (b + t * (c + t * d)), BELL_STEPS * (b + t * (2.0 * c + 3.0 * t * d))))
-    }
-
-    /// Distribution and density of four places; 0 far below 0.
-    #[inline(always)]
-    pub(super) fn four(&self, z: DVec4) -> (DVec4, DVec4) {
-        let at = |z: f64| self.at(z).unwrap_or_default();
-        let [a, b, c, d] = [at(z.x), at(z.y), at(z.z), at(z.w)];
-        (DVec4::new(a.0, b.0, c.0, d.0), DVec4::new(a.1, b.1, c.1, d.1))
     }
 }
 

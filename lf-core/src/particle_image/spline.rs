@@ -1,6 +1,7 @@
 //! A function of the plane and of a size, as a cubic B-spline: smooth, with exact derivatives of what it gives.
 
 use super::table::Table;
+use glam::Vec4;
 
 /// The function on a square lattice of nodes, linear in the size.
 #[derive(Debug, Clone)]
@@ -11,6 +12,8 @@ pub(super) struct Spline {
     nodes: [usize; 2],
     values: Vec<f64>,
     by_size: Vec<f64>,
+    /// Both in single precision.
+    quick: [Vec<f32>; 2],
 }
 
 /// The four nodes about a coordinate and their weights: for the value, and for the slope.
@@ -33,7 +36,8 @@ impl Spline {
         mut by_size: Vec<f64>,
     ) -> Self {
         [&mut values, &mut by_size].into_iter().for_each(|table| to_coefficients(table, nodes));
-        Self { low, per_step: 1.0 / step, nodes, values, by_size }
+        let quick = [&values, &by_size].map(|table| table.iter().map(|value| *value as f32).collect());
+        Self { low, per_step: 1.0 / step, nodes, values, by_size, quick }
     }
 }
 
@@ -77,51 +81,56 @@ impl Stencil {
     }
 }
 
-impl Spline {
-    /// The stencil of a place along an axis.
-    #[inline(always)]
-    pub(super) fn stencil(&self, axis: usize, x: f64) -> Stencil {
-        Stencil::new((x - self.low[axis]) * self.per_step, self.per_step, self.nodes[axis])
-    }
-
-    /// All numbers of a jet; the derivatives of slopes and curvatures by the size are 0 unless N asks for them.
-    #[inline(always)]
-    pub(super) fn jet<const N: usize>(&self, x: &Stencil, y: &Stencil, more: f64) -> Jet {
-        let mut rows = [[0.0; 4]; 3];
-        let mut sizes = [[0.0; 4]; 3];
-        let orders = if N > 4 { 3 } else { 1 };
-        for n in 0..4 {
-            let start = (y.first + n) * self.nodes[0] + x.first;
-            let (values, by_size) = (&self.values[start..start + 4], &self.by_size[start..start + 4]);
-            for k in 0..4 {
-                let value = values[k] + more * by_size[k];
-                for order in 0..3 {
-                    rows[order][k] += y.weights[order][n] * value;
-                }
-                for order in 0..orders {
-                    sizes[order][k] += y.weights[order][n] * by_size[k];
-                }
-            }
-        }
-        let dot = |a: &[f64; 4], b: &[f64; 4]| (a[0] * b[0] + a[1] * b[1]) + (a[2] * b[2] + a[3] * b[3]);
-        let [level, slope, curve] = &x.weights;
-        let of = |rows: &[[f64; 4]; 3]| {
-            [
-                dot(&rows[0], slope),
-                dot(&rows[1], level),
-                dot(&rows[0], curve),
-                dot(&rows[1], slope),
-                dot(&rows[2], level),
-            ]
-        };
-        let [x, y, xx, xy, yy] = of(&rows);
-        let [x_by, y_by, xx_by, xy_by, yy_by] = if N > 4 { of(&sizes) } else { [0.0; 5] };
-        [dot(&rows[0], level), x, y, xx, xy, yy, dot(&sizes[0], level), x_by, y_by, xx_by, xy_by, yy_by]
-    }
+/// The first of four nodes about a place, and their weights for value, slope and curvature, in single precision.
+#[inline(always)]
+fn quick_stencil(place: f32, last: f32) -> (usize, [f32; 4], [f32; 4], [f32; 4]) {
+    let held = place.max(1.0).min(last);
+    let whole = held as usize;
+    let t = held - whole as f32;
+    let s = 1.0 - t;
+    let level = [
+        s * s * s * (1.0 / 6.0),
+        0.5 * t * t * (t - 2.0) + 2.0 / 3.0,
+        0.5 * s * s * (s - 2.0) + 2.0 / 3.0,
+        t * t * t * (1.0 / 6.0),
+    ];
+    let slope = [-0.5 * s * s, t * (1.5 * t - 2.0), s * (2.0 - 1.5 * s), 0.5 * t * t];
+    (whole - 1, level, slope, [s, 3.0 * t - 2.0, 1.0 - 3.0 * t, t])
 }
 
-/// Value; slopes x and y; curvatures xx, xy and yy; the derivatives of all these by the size in the same order.
-pub(super) type Jet = [f64; 12];
+impl Spline {
+    /// Fills level, slopes along x and y, and curvatures xx, xy and yy at places, in single precision, for a size that
+    /// is `more` than the table's.
+    #[inline(always)]
+    pub(super) fn fill(&self, ([x, y], more): (&[Vec<f32>; 2], f32), count: usize, means: &mut [Vec<f32>; 6]) {
+        let per_step = self.per_step as f32;
+        let [a, b, c, d, e, f] = means.each_mut().map(|list| &mut list[..count]);
+        let weights =
+            |x: f32, axis: usize| quick_stencil((x - self.low[axis] as f32) * per_step, (self.nodes[axis] - 3) as f32);
+        let square = per_step * per_step;
+        let scales = [1.0, per_step, per_step, square, square, square];
+        for (n, (x, y)) in x[..count].iter().zip(&y[..count]).enumerate() {
+            let (column, level_x, slope_x, curve_x) = weights(*x, 0);
+            let (row, level_y, slope_y, curve_y) = weights(*y, 1);
+            let (mut level, mut slope, mut curve) = (Vec4::ZERO, Vec4::ZERO, Vec4::ZERO);
+            for j in 0..4 {
+                let start = (row + j) * self.nodes[0] + column;
+                let [nodes, by_size] = self.quick.each_ref().map(|table| Vec4::from_slice(&table[start..start + 4]));
+                let nodes = nodes + more * by_size;
+                level += level_y[j] * nodes;
+                slope += slope_y[j] * nodes;
+                curve += curve_y[j] * nodes;
+            }
+            let [level_x, slope_x, curve_x] = [level_x, slope_x, curve_x].map(Vec4::from_array);
+            a[n] = scales[0] * level.dot(level_x);
+            b[n] = scales[1] * level.dot(slope_x);
+            c[n] = scales[2] * slope.dot(level_x);
+            d[n] = scales[3] * level.dot(curve_x);
+            e[n] = scales[4] * slope.dot(slope_x);
+            f[n] = scales[5] * curve.dot(level_x);
+        }
+    }
+}
 
 impl Table for Spline {
     type Taps = Taps;
@@ -164,7 +173,9 @@ impl Table for Spline {
     }
 
     fn bytes(&self) -> usize {
-        size_of_val(&self.values[..]) + size_of_val(&self.by_size[..])
+        size_of_val(&self.values[..])
+            + size_of_val(&self.by_size[..])
+            + self.quick.iter().map(|table| size_of_val(&table[..])).sum::<usize>()
     }
 }
 

@@ -173,7 +173,7 @@ fn blurred_light_behind_a_thick_window_is_near_that_of_rays() {
         // In focus, at the caustic, and far.
         for place in [[0.31, 0.21, 0.0], [0.2, -0.15, -0.4], [0.2, -0.15, 2.3], [0.05, 0.13, -4.9]] {
             let distance = distance_from_blurred_rays(&camera, place, RAYS);
-            assert!(distance < 0.02, "{layout:?} {place:?}: {distance:.5}");
+            assert!(distance < 0.01, "{layout:?} {place:?}: {distance:.5}");
         }
     }
 }
@@ -439,43 +439,34 @@ fn light_alone_is_the_same_light() {
     }
 }
 
-/// Images in single precision, from pictures of the cell, against those with all quantities: the light is theirs, and
-/// derivatives are as near to its differences. Where rays bend, pictures follow them to second order; the tests above
-/// hold both images against rays.
+/// Derivatives in single precision against differences of their own light. The tests above hold the light against rays.
 #[test]
-fn places_are_those_of_the_slow_twin() {
-    const STEP_MM: f64 = 2e-5;
+fn places_change_as_their_derivatives_say() {
+    const STEPS_MM: [f64; 3] = [1e-4, 1e-4, 2e-3];
     let mut aberrated = aberrated();
     aberrated.iter_mut().for_each(|(_, camera)| camera.blur = Some(Blur { sigma_px: 0.4, wavelength_nm: None }));
     let blurred = [0.3, 0.8].into_iter().flat_map(blurred_cameras).chain(aberrated);
     for (name, camera) in cameras().into_iter().chain(blurred) {
-        let [most, more] = if is_bent(&camera) { [0.006, 0.06] } else { [0.003, 0.02] };
         let model = ParticleModel::new(&camera, SIGMA_MM, DEPTH_MM).unwrap();
         for (place, size) in PLACES.into_iter().zip([1.0, 0.7, 1.0, 1.5, 1.1]) {
-            let (slow, fast) = (image_of(&model, place, size), places(&model, place, size, false));
-            let value = |map: &Pixels, at, quantity: usize| map.get(at).map_or(0.0, |pixel| pixel[quantity]);
-            let either = slow.keys().chain(fast.keys().filter(|at| !slow.contains_key(at)));
-            let light = 0.5 * either.map(|at| (value(&slow, at, 0) - value(&fast, at, 0)).abs()).sum::<f64>();
-            assert!(light < most, "{name} {place:?}: {light:.5}");
-            for quantity in 1..PLACES_OF_A_PIXEL {
-                let [before, after] = [-STEP_MM, STEP_MM].map(|by| {
+            let found = places(&model, place, size, false);
+            for (axis, step) in STEPS_MM.into_iter().enumerate() {
+                let [before, after] = [-step, step].map(|by| {
                     let mut place = place;
-                    place[quantity - 1] += by;
-                    image_of(&model, place, size)
+                    place[axis] += by;
+                    places(&model, place, size, true)
                 });
-                // A pixel that comes or goes has no slope.
-                let (mut off_slow, mut off_fast, mut whole) = (0.0, 0.0, 0.0);
-                for at in slow.keys().filter(|at| [&before, &after, &fast].iter().all(|map| map.contains_key(at))) {
-                    let slope = (value(&after, at, 0) - value(&before, at, 0)) / (2.0 * STEP_MM);
-                    off_slow += (slope - value(&slow, at, quantity)).powi(2);
-                    off_fast += (slope - value(&fast, at, quantity)).powi(2);
+                let (mut off, mut whole, mut bright) = (0.0, 0.0, 0.0);
+                for (at, pixel) in &found {
+                    let light = |map: &Pixels| map.get(at).map_or(0.0, |pixel| pixel[0]);
+                    let slope = (light(&after) - light(&before)) / (2.0 * step);
+                    off += (slope - pixel[axis + 1]).powi(2);
                     whole += slope * slope;
+                    bright += pixel[0] * pixel[0];
                 }
-                let [off_slow, off_fast] = [off_slow, off_fast].map(|off| f64::sqrt(off / whole));
-                assert!(
-                    off_fast < off_slow + more,
-                    "{name} {place:?} quantity {quantity}: {off_fast:.4} for {off_slow:.4}"
-                );
+                // A derivative that is all but 0 is compared with the light over the size of the particle.
+                let off = f64::sqrt(off / (whole + 1e-3 * bright / (SIGMA_MM * SIGMA_MM)));
+                assert!(off < 0.09, "{name} {place:?} axis {axis}: {off:.4}");
             }
         }
     }
@@ -540,8 +531,7 @@ fn places_are_those_of_rays() {
                     }
                 }
             }
-            // In double precision a pixel of bent rays is taken at one place on the array.
-            for ([x, y, depth], most) in shifts.into_iter().zip([0.35, 0.8]) {
+            for ([x, y, depth], most) in shifts.into_iter().zip([0.2, 0.2]) {
                 assert!(x.abs().max(y.abs()) < 0.02 && depth.abs() < most, "{name} {z}: {shifts:.3?}");
             }
         }

@@ -1,0 +1,499 @@
+//! A lenslet's image of a particle on a blurred sensor.
+//!
+//! A pixel counts the light around it with a kernel. It is made of two: a narrow one, K, about the pixels of a finer
+//! sensor ([`FineSensor`]), and the rest, which smooths the light of that sensor. Seen through the lenslet, K lies in
+//! the stop, beside the stop S itself and the lenslet's cell H:
+//!
+//! ```text
+//! light = 1/A int S(U) H(hit(U) - c) K(U) dU
+//! ```
+//!
+//! The mean M of H over K comes from the tables of the cell, for a spot that K widens on the array. Where rays bend, K
+//! is an ellipse there, and what it is wider than a circle spreads M like heat. The product H K is a small bump. Its
+//! middle and variance follow from M (v is the variance of K, derivatives are by the place in the stop):
+//!
+//! ```text
+//! middle = U + v grad ln M,   variance = v + v^2 grad grad ln M
+//! light  = M area(pixel) / A * (share of a normal bump of this middle and variance that lies inside the stop)
+//! ```
+//!
+//! This errs with the square of v, and v is small. So all stops, all cells, straight rays and bent ones are one case.
+
+use super::axis::Axis;
+use super::beam::{TERMS, curvature_of_terms, sum_of_terms};
+use super::cell_surface::Ladder;
+use super::fine_sensor::FineSensor;
+use super::lenslet_image::{LensletImage, Listed, Patch, Scratch};
+use super::lenslet_lines::LensletLine;
+use super::pictures::LANES;
+use super::quantities::{LIGHT, PLACES, QUANTITIES};
+use super::sensor_blur::SensorBlur;
+use super::spots::Spots;
+use crate::normal::quick_distribution;
+use glam::DVec2;
+
+/// A place with a smaller mean of the cell is dark.
+pub(super) const DARK: f32 = 1e-5;
+/// The middle of the bump stays within this many standard deviations of K.
+pub(super) const MOST_SHIFT: f32 = 3.0;
+/// The variance of the bump is no less than this share of that of K.
+pub(super) const LEAST_VARIANCE: f32 = 0.05;
+/// Reach of spots and of K, in their standard deviations.
+const REACH: f32 = 3.5;
+/// Largest correction of the variance of a spot, over the variance.
+const MOST_STRETCH: f32 = 0.6;
+
+/// Numbers of eight places.
+type Eight = [f32; LANES];
+
+/// A lenslet. Places in the stop count half apertures, those on the array are from the lenslet's centre, mm.
+struct Lenslet {
+    /// Places in the stop of the first finer pixel, and the way to the next one.
+    first: DVec2,
+    step: DVec2,
+    chief: DVec2,
+    alpha: DVec2,
+    /// The rest of the hits of bent rays.
+    bend: Option<[[f32; TERMS]; 2]>,
+    is_round: bool,
+    /// The variance of K along both axes.
+    kernel: [f32; 2],
+    /// Half sides of the box around the cell, mm.
+    corner: [f32; 2],
+    /// Light passes the stop within these places.
+    inside: [f32; 2],
+    /// Whether the stop cuts nothing of what the cell takes of the spot.
+    is_whole: bool,
+    /// From a mean to light.
+    scale: f32,
+    /// Motions by m, alpha and the lattice's shift along both axes: of the place in the stop, plain and by the place,
+    /// and growth of the light with alpha.
+    stop_by_m: [f32; 2],
+    stop_by_shift: [f32; 2],
+    half: f32,
+    growth: f32,
+    /// Growth of the spot's variance with alpha.
+    spreads: f32,
+    spot: f32,
+    to_place: [[f32; 3]; 3],
+    by_size: [f32; 2],
+    /// Variance of the spot, mm^2.
+    spot_mm2: f32,
+}
+
+impl<T: Listed> LensletImage<'_, T> {
+    /// Finds the light of a lenslet's pixels and its first N derivatives by place, size, shift and blur.
+    #[inline(always)]
+    pub(super) fn blurred<const N: usize>(
+        &self,
+        (blur, ladder): (&SensorBlur, &Ladder<T>),
+        (sigma_mm, by_shift): (f64, f64),
+        line: &LensletLine,
+        scratch: &mut Scratch,
+    ) -> Option<Patch> {
+        let sensor = &blur.fine;
+        let (axes, alpha) = self.axes(line);
+        let beyond_px = sensor.variance.sqrt() / sensor.parts as f64;
+        let (across, down) = (
+            self.lit_within(0, &axes[0], alpha.x, beyond_px, sensor.reach)?,
+            self.lit_within(1, &axes[1], alpha.y, beyond_px, sensor.reach)?,
+        );
+        let first = [across.0, down.0];
+        let [columns, rows] = [across, down].map(|(first, end)| (end - first) as usize);
+        let lenslet = self.lenslet((blur.share, sensor), (&axes, alpha), (first, by_shift), sigma_mm);
+        self.fill::<N>(&lenslet, ladder, (sensor, [columns, rows]), scratch);
+        let wide = [columns + 2 * sensor.reach, rows + 2 * sensor.reach];
+        sensor.smooth(&mut scratch.fine, wide[1], N > PLACES);
+        self.hand_out::<N>((first, sensor.reach as i64), wide, scratch)
+    }
+
+    /// First and end pixel along axis `n` whose finer pixels can be lit, and up to `more` pixels beyond the sensor.
+    #[inline(always)]
+    fn lit_within(&self, n: usize, axis: &Axis, alpha: f64, blur_px: f64, more: usize) -> Option<(i64, i64)> {
+        let Self { view, beam, spot_mm, .. } = *self;
+        let whole = Axis { chief: beam.chief[n] - axis.centre, ..*axis };
+        let (axis, alpha) = if beam.is_bent() { (&whole, beam.alpha) } else { (axis, alpha) };
+        let (half, corner) = (view.optics.half_aperture_mm, view.corner[n] + beam.most_bend_mm);
+        let more = more as f64;
+        axis.lit_blurred(alpha, half, corner, (spot_mm, blur_px), [-more, axis.pixels as f64 + more])
+    }
+
+    #[inline(always)]
+    fn lenslet(
+        &self,
+        (share, sensor): (f64, &FineSensor),
+        (axes, alpha): (&[Axis; 2], DVec2),
+        (first, by_shift): ([i64; 2], f64),
+        sigma_mm: f64,
+    ) -> Lenslet {
+        let Self { view, beam, spot_mm: spot, .. } = *self;
+        let half = view.optics.half_aperture_mm;
+        let parts = sensor.parts as f64;
+        let per_slope = DVec2::new(axes[0].per_slope, axes[1].per_slope);
+        let step = -per_slope / parts;
+        let place = |n: usize| (axes[n].zero - first[n] as f64 - 0.5 / parts) * per_slope[n];
+        let chief = DVec2::new(axes[0].chief, axes[1].chief);
+        let centre = DVec2::new(axes[0].centre, axes[1].centre);
+        let kernel = sensor.variance * step * step / (half * half);
+        let inside = DVec2::splat(1.0) + f64::from(REACH) * DVec2::new(kernel.x.sqrt(), kernel.y.sqrt());
+        let gamma = DVec2::new(axes[0].gamma, axes[1].gamma) * per_slope;
+        let shift = DVec2::splat(by_shift) * per_slope - gamma;
+        let numbers = |pair: DVec2| pair.as_vec2().to_array();
+        let rest = beam.rest(chief + centre, alpha, half);
+        Lenslet {
+            first: DVec2::new(place(0), place(1)) / half,
+            step: step / half,
+            chief,
+            alpha: alpha * half,
+            bend: rest.map(|rest| [0, 1].map(|n| rest.map(|term| term[n] as f32))),
+            is_round: view.has_round_stop,
+            kernel: numbers(kernel),
+            corner: numbers(view.corner),
+            inside: numbers(inside),
+            is_whole: !beam.is_bent() && self.is_inside_stop(axes, alpha),
+            scale: (share * (per_slope.x * per_slope.y).abs() / (parts * parts) / view.stop_mm2) as f32,
+            stop_by_m: numbers(gamma / half),
+            stop_by_shift: numbers(shift / half),
+            half: half as f32,
+            growth: (gamma.x + gamma.y) as f32,
+            spreads: (sensor.variance * (alpha * step * step).element_sum() * 0.5) as f32,
+            spot: spot as f32,
+            to_place: [0, 1, 2]
+                .map(|n| [beam.chief_by[n].x as f32, beam.chief_by[n].y as f32, beam.alpha_by[n] as f32]),
+            by_size: [beam.beta as f32, (sigma_mm * beam.beta_by_z) as f32],
+            spot_mm2: (spot * spot) as f32,
+        }
+    }
+
+    /// Fills the finer pixels.
+    #[inline(always)]
+    fn fill<const N: usize>(
+        &self,
+        lenslet: &Lenslet,
+        ladder: &Ladder<T>,
+        (sensor, [columns, rows]): (&FineSensor, [usize; 2]),
+        scratch: &mut Scratch,
+    ) {
+        let parts = sensor.parts;
+        let Scratch { fine: light, spots, .. } = scratch;
+        light.begin(sensor, [columns, rows], N.min(QUANTITIES - 1));
+        spots.begin((rows * parts) * parts * columns.next_multiple_of(LANES));
+        for row in 0..rows * parts {
+            let v = (lenslet.first[1] + lenslet.step[1] * row as f64) as f32;
+            if !lenslet.is_lit(1, v) {
+                continue;
+            }
+            for part in 0..parts {
+                let start = light.start(row, part);
+                let first = (lenslet.first[0] + lenslet.step[0] * part as f64) as f32;
+                lenslet.add_lit(spots, (first, v), (start as u32, columns), parts as f32);
+            }
+        }
+        let round = lenslet.follow(spots);
+        let sigma_mm = f64::from(lenslet.spot_mm2 + round).sqrt();
+        T::fill_means(ladder, sigma_mm, spots);
+        match (lenslet.is_whole, lenslet.is_round) {
+            (true, _) => lenslet.light::<N>(spots, round, |_, _, _| (1.0, [0.0; 2])),
+            (_, true) => lenslet.light::<N>(spots, round, |u, v, mixed| lenslet.in_round(u, v, mixed)),
+            (_, false) => lenslet.light::<N>(spots, round, |u, v, _| in_square(u, v)),
+        }
+        for (quantity, numbers) in spots.light.iter().enumerate().take(N.min(QUANTITIES - 1)) {
+            light.set(quantity, &spots.at[..spots.count], numbers);
+        }
+    }
+
+    /// Hands out the pixels that lie on the sensor. They begin `before` pixels before the first finer one.
+    #[inline(always)]
+    fn hand_out<const N: usize>(
+        &self,
+        (first, before): ([i64; 2], i64),
+        [columns, rows]: [usize; 2],
+        scratch: &mut Scratch,
+    ) -> Option<Patch> {
+        let Scratch { fine, places, pixels, .. } = scratch;
+        let on_sensor = |n: usize, count: usize| {
+            let first = first[n] - before;
+            let end = (first + count as i64).min(self.view.optics.sensor_px[n] as i64);
+            (first.max(0) < end).then_some((first.max(0) - first, (end - first.max(0)) as usize))
+        };
+        let ((left, wide), (top, high)) = (on_sensor(0, columns)?, on_sensor(1, rows)?);
+        places.clear();
+        pixels.clear();
+        if N > PLACES {
+            pixels.resize(wide * high, [0.0; QUANTITIES]);
+        } else {
+            places.resize(wide * high, [0.0; PLACES]);
+        }
+        for (quantity, light) in fine.pixels.iter().enumerate().take(N) {
+            for row in 0..high {
+                let light = &light[(top as usize + row) * fine.columns + left as usize..][..wide];
+                if N > PLACES {
+                    for (pixel, light) in pixels[row * wide..].iter_mut().zip(light) {
+                        pixel[quantity] = f64::from(*light);
+                    }
+                } else {
+                    for (pixel, light) in places[row * wide..].iter_mut().zip(light) {
+                        pixel[quantity] = *light;
+                    }
+                }
+            }
+        }
+        let [column, row] = [first[0] - before + left, first[1] - before + top].map(|first| first as u32);
+        Some(Patch { column, row, columns: wide as u32, rows: high as u32 })
+    }
+}
+
+impl Lenslet {
+    /// Whether straight rays through a place along an axis can meet the cell; all that pass the stop if rays bend.
+    #[inline(always)]
+    fn is_lit(&self, n: usize, place: f32) -> bool {
+        let alpha = self.alpha[n] as f32;
+        let hit = self.chief[n] as f32 + alpha * place;
+        let wide = self.kernel[n] * alpha * alpha;
+        place.abs() < self.inside[n] && (self.bend.is_some() || self.is_on_cell(n, hit, wide))
+    }
+
+    /// Whether a spot that K widens by a variance of `wide` touches the cell along an axis.
+    #[inline(always)]
+    fn is_on_cell(&self, n: usize, hit: f32, wide: f32) -> bool {
+        hit.abs() < self.corner[n] + REACH * (self.spot_mm2 + wide).sqrt()
+    }
+
+    /// Adds the places of a row that light can reach. They are `parts` finer pixels apart, from the first one on.
+    #[inline(always)]
+    fn add_lit(&self, spots: &mut Spots, (first, v): (f32, f32), (start, columns): (u32, usize), parts: f32) {
+        let step = self.step.x as f32 * parts;
+        for column in (0..columns).step_by(LANES) {
+            let mut u = [0f32; LANES];
+            let mut lit = [false; LANES];
+            for k in 0..LANES {
+                u[k] = first + step * (column + k) as f32;
+                lit[k] = self.is_lit(0, u[k]);
+            }
+            if self.bend.is_some() {
+                let ([x, y], by) = self.hits(&u, &[v; LANES]);
+                let [wide_x, wide_y] = self.widths(&by);
+                for k in 0..LANES {
+                    lit[k] &= self.is_on_cell(0, x[k], wide_x[k]) & self.is_on_cell(1, y[k], wide_y[k]);
+                }
+            }
+            let mut count = spots.count;
+            for k in 0..LANES {
+                spots.at[count] = start + (column + k) as u32;
+                spots.stop[0][count] = u[k];
+                spots.stop[1][count] = v;
+                count += usize::from(lit[k]);
+            }
+            spots.count = count;
+        }
+    }
+
+    /// Variances of K on the array along x and y, mm^2.
+    #[inline(always)]
+    fn widths(&self, [a, b, c, d]: &[Eight; 4]) -> [Eight; 2] {
+        let [kx, ky] = self.kernel;
+        let mut wide = [[0f32; LANES]; 2];
+        for k in 0..LANES {
+            wide[0][k] = kx * a[k] * a[k] + ky * b[k] * b[k];
+            wide[1][k] = kx * c[k] * c[k] + ky * d[k] * d[k];
+        }
+        wide
+    }
+
+    /// Follows the rays of all spots to the array. Gives the mean variance of K there, mm^2.
+    #[inline(always)]
+    fn follow(&self, spots: &mut Spots) -> f32 {
+        for list in &mut spots.stop {
+            list[spots.count..spots.count + LANES].fill(0.0);
+        }
+        let mut sum = 0.0;
+        for first in (0..spots.room()).step_by(LANES) {
+            let range = first..first + LANES;
+            let [u, v] = &spots.stop;
+            let (u, v): (&Eight, &Eight) =
+                (u[range.clone()].try_into().expect("eight spots"), v[range.clone()].try_into().expect("eight spots"));
+            let (hits, by) = self.hits(u, v);
+            let [wide_x, wide_y] = self.widths(&by);
+            sum += (0..LANES).map(|k| wide_x[k] + wide_y[k]).sum::<f32>();
+            spots.hit.iter_mut().zip(&hits).for_each(|(list, hits)| list[range.clone()].copy_from_slice(hits));
+            spots.by.iter_mut().zip(&by).for_each(|(list, by)| list[range.clone()].copy_from_slice(by));
+        }
+        0.5 * sum / spots.room().max(1) as f32
+    }
+
+    /// Where rays through eight places meet the array, and how that moves with the place.
+    #[inline(always)]
+    fn hits(&self, u: &Eight, v: &Eight) -> ([Eight; 2], [Eight; 4]) {
+        let [chief, alpha] = [self.chief.as_vec2(), self.alpha.as_vec2()];
+        let (mut x, mut y, mut by) = ([0f32; LANES], [0f32; LANES], [[0f32; LANES]; 4]);
+        for k in 0..LANES {
+            (x[k], y[k]) = (chief.x + alpha.x * u[k], chief.y + alpha.y * v[k]);
+            (by[0][k], by[3][k]) = (alpha.x, alpha.y);
+        }
+        if let Some(bend) = &self.bend {
+            let [along, across] = self.bend(bend, u, v);
+            for k in 0..LANES {
+                x[k] += along[0][k];
+                y[k] += across[0][k];
+                by[0][k] += along[1][k];
+                by[1][k] += along[2][k];
+                by[2][k] += across[1][k];
+                by[3][k] += across[2][k];
+            }
+        }
+        ([x, y], by)
+    }
+
+    /// How far rays through eight places land from where straight ones do, along x and y, and how that changes with the
+    /// place in the stop. Beside the stop rays bend as at its rim.
+    #[inline(always)]
+    fn bend(&self, terms: &[[f32; TERMS]; 2], u: &Eight, v: &Eight) -> [[Eight; 3]; 2] {
+        let (mut a, mut b) = ([0f32; LANES], [0f32; LANES]);
+        if self.is_round {
+            for k in 0..LANES {
+                let inwards = 1.0 / (u[k] * u[k] + v[k] * v[k]).sqrt().max(1.0);
+                (a[k], b[k]) = (u[k] * inwards, v[k] * inwards);
+            }
+        } else {
+            for k in 0..LANES {
+                (a[k], b[k]) = (u[k].clamp(-1.0, 1.0), v[k].clamp(-1.0, 1.0));
+            }
+        }
+        let mut bent = [[[0f32; LANES]; 3]; 2];
+        for (bent, terms) in bent.iter_mut().zip(terms) {
+            for k in 0..LANES {
+                let (sum, [by_u, by_v]) = sum_of_terms(terms, a[k], b[k]);
+                // A finer pixel takes the mean of hits, which their curvature moves.
+                let [uu, vv] = curvature_of_terms(terms, a[k], b[k]);
+                let mean = 0.5 * (self.kernel[0] * uu + self.kernel[1] * vv);
+                bent[0][k] = sum + by_u * (u[k] - a[k]) + by_v * (v[k] - b[k]) + mean;
+                bent[1][k] = by_u;
+                bent[2][k] = by_v;
+            }
+        }
+        bent
+    }
+
+    /// The light of the spots and its derivatives. `round` is the variance of K in their means, mm^2.
+    /// `inside(middle, variance, mixed)` is the share of a bump that lies inside the stop, and its derivatives by the
+    /// middle.
+    #[inline(always)]
+    fn light<const N: usize>(
+        &self,
+        spots: &mut Spots,
+        round: f32,
+        inside: impl Fn([f32; 2], [f32; 2], f32) -> (f32, [f32; 2]),
+    ) {
+        let room = spots.room();
+        let Spots { stop, by, means, light, .. } = spots;
+        for first in (0..room).step_by(LANES) {
+            let eight = |list: &Vec<f32>| -> Eight { list[first..first + LANES].try_into().expect("eight spots") };
+            let stop = [eight(&stop[0]), eight(&stop[1])];
+            let by = [eight(&by[0]), eight(&by[1]), eight(&by[2]), eight(&by[3])];
+            let [a, b, c, d, e, f] = means;
+            let means = [eight(a), eight(b), eight(c), eight(d), eight(e), eight(f)];
+            let numbers = self.eight::<N>((&stop, &by), (&means, round), &inside);
+            for (list, numbers) in light.iter_mut().zip(&numbers).take(N) {
+                list[first..first + LANES].copy_from_slice(numbers);
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn eight<const N: usize>(
+        &self,
+        (stop, by): (&[Eight; 2], &[Eight; 4]),
+        (means, round): (&[Eight; 6], f32),
+        inside: &impl Fn([f32; 2], [f32; 2], f32) -> (f32, [f32; 2]),
+    ) -> [Eight; QUANTITIES] {
+        let mut numbers = [[0f32; LANES]; QUANTITIES];
+        let [kx, ky] = self.kernel;
+        let far = [MOST_SHIFT * kx.sqrt(), MOST_SHIFT * ky.sqrt()];
+        let least = [LEAST_VARIANCE * kx, LEAST_VARIANCE * ky];
+        for k in 0..LANES {
+            let (mean, x, y) = (means[0][k], means[1][k], means[2][k]);
+            let (xx, xy, yy) = (means[3][k], means[4][k], means[5][k]);
+            let (a, b, c, d) = (by[0][k], by[1][k], by[2][k], by[3][k]);
+            // Spread the mean by what K is wider than its round part.
+            let most = MOST_STRETCH * (self.spot_mm2 + round);
+            let hold = |wide: f32| wide.max(-most).min(most);
+            let wide_x = hold(kx * a * a + ky * b * b - round);
+            let wide_y = hold(kx * c * c + ky * d * d - round);
+            let mixed = hold(kx * a * c + ky * b * d);
+            let mean = (mean + 0.5 * (wide_x * xx + wide_y * yy) + mixed * xy).max(0.0);
+            // Slope and curvature of the logarithm on the array, then along the stop.
+            let per_mean = 1.0 / mean.max(DARK);
+            let (gx, gy) = (x * per_mean, y * per_mean);
+            let (lxx, lxy, lyy) = (xx * per_mean - gx * gx, xy * per_mean - gx * gy, yy * per_mean - gy * gy);
+            let (gu, gv) = (a * gx + c * gy, b * gx + d * gy);
+            let (ux, uy) = (a * lxx + c * lxy, a * lxy + c * lyy);
+            let (vx, vy) = (b * lxx + d * lxy, b * lxy + d * lyy);
+            let (luu, luv, lvv) = (ux * a + uy * c, vx * a + vy * c, vx * b + vy * d);
+            let (u, v) = (stop[0][k], stop[1][k]);
+            let middle = [u + (kx * gu).max(-far[0]).min(far[0]), v + (ky * gv).max(-far[1]).min(far[1])];
+            let variance = [(kx + kx * kx * luu).max(least[0]), (ky + ky * ky * lvv).max(least[1])];
+            let (share, by_middle) = inside(middle, variance, kx * ky * luv);
+            let lit = if mean > DARK { self.scale } else { 0.0 };
+            let (of_mean, of_share) = (lit * share, lit * mean);
+            let light = of_mean * mean;
+            numbers[0][k] = light;
+            if N <= LIGHT {
+                continue;
+            }
+            // The light changes as the hit and the place in the stop move.
+            let moves = |hit: [f32; 2], stop: [f32; 2]| {
+                let hit = [hit[0] + a * stop[0] + b * stop[1], hit[1] + c * stop[0] + d * stop[1]];
+                let bump = [stop[0] + kx * (ux * hit[0] + uy * hit[1]), stop[1] + ky * (vx * hit[0] + vy * hit[1])];
+                of_mean * (x * hit[0] + y * hit[1]) + of_share * (by_middle[0] * bump[0] + by_middle[1] * bump[1])
+            };
+            let [mx, my] = self.stop_by_m;
+            let by_x = moves([1.0, 0.0], [mx, 0.0]);
+            let by_y = moves([0.0, 1.0], [0.0, my]);
+            let (on_x, on_y) = (u * self.half, v * self.half);
+            let by_alpha = moves([on_x, on_y], [mx * on_x, my * on_y])
+                + of_share * self.half * (by_middle[0] * kx * gx + by_middle[1] * ky * gy)
+                + of_mean * self.spreads * (xx + yy)
+                + light * self.growth;
+            for (n, [by_m, by_n, by_spread]) in self.to_place.iter().enumerate() {
+                numbers[1 + n][k] = by_m * by_x + by_n * by_y + by_spread * by_alpha;
+            }
+            if N > PLACES {
+                let by_spot = of_mean * self.spot * (xx + yy);
+                let [sx, sy] = self.stop_by_shift;
+                numbers[3][k] += self.by_size[1] * by_spot;
+                numbers[4][k] = self.by_size[0] * by_spot;
+                numbers[5][k] = moves([-1.0, 0.0], [sx, 0.0]);
+                numbers[6][k] = moves([0.0, -1.0], [0.0, sy]);
+            }
+        }
+        numbers
+    }
+
+    /// A round stop. Its rim is a parabola near the bump: it leaves out what the bump's width along the rim bends away.
+    #[inline(always)]
+    fn in_round(&self, [u, v]: [f32; 2], variance: [f32; 2], mixed: f32) -> (f32, [f32; 2]) {
+        let radius = (u * u + v * v).sqrt().max(f32::MIN_POSITIVE);
+        let out = [u / radius, v / radius];
+        let square = [out[0] * out[0], out[1] * out[1]];
+        let cross = 2.0 * out[0] * out[1] * mixed;
+        let least = LEAST_VARIANCE * self.kernel[0].min(self.kernel[1]);
+        let across = (square[0] * variance[0] + square[1] * variance[1] + cross).max(least);
+        let along = (square[1] * variance[0] + square[0] * variance[1] - cross).max(0.0);
+        let per_sigma = 1.0 / across.sqrt();
+        let (share, density) = quick_distribution((1.0 - radius - 0.5 * along) * per_sigma);
+        let by = -density * per_sigma;
+        (share, [by * out[0], by * out[1]])
+    }
+}
+
+/// A square stop.
+#[inline(always)]
+fn in_square([u, v]: [f32; 2], variance: [f32; 2]) -> (f32, [f32; 2]) {
+    let side = |u: f32, variance: f32| {
+        let per_sigma = 1.0 / variance.sqrt();
+        let (share, density) = quick_distribution((1.0 - u.abs()) * per_sigma);
+        (share, -(density * per_sigma).copysign(u))
+    };
+    let ((x, by_x), (y, by_y)) = (side(u, variance[0]), side(v, variance[1]));
+    (x * y, [by_x * y, x * by_y])
+}
