@@ -79,7 +79,7 @@ fn seven([second, fourth, sixth]: [f64; 3], sum: f64) -> Vec<f64> {
 mod tests {
     use super::*;
 
-    /// A pixel's shares have the variance of the rest and of its finer pixels' middles, and change with the blur as said.
+    /// Shares spread by the rest and by the middles of the finer pixels, and change with the blur as said.
     #[test]
     fn weights_spread_light_by_the_rest() {
         for sigma_px in [0.1, 0.3, 0.45, 0.9, 1.6] {
