@@ -24,16 +24,16 @@ pub(super) struct Axis {
 const SMALL: f64 = 1e-6;
 
 impl Axis {
-    /// First and end pixel that can be lit, for light within `reach` of the lenslet's centre, and `beside_px` pixels on
-    /// either side.
+    /// First and end pixel that can be lit, for light within `reach` of the lenslet's centre, and pixels on
+    /// either side of it and beyond the sensor's edges.
     #[inline(always)]
-    pub(super) fn lit(&self, alpha: f64, half: f64, reach: f64, beside_px: f64) -> Option<(i64, i64)> {
-        self.lit_on(alpha, half, reach, beside_px, [0.0, self.pixels as f64])
-    }
-
-    /// Like [`Self::lit`], of pixels within `sensor`.
-    #[inline(always)]
-    fn lit_on(&self, alpha: f64, half: f64, reach: f64, beside_px: f64, sensor: [f64; 2]) -> Option<(i64, i64)> {
+    pub(super) fn lit(
+        &self,
+        alpha: f64,
+        half: f64,
+        reach: f64,
+        (beside_px, beyond_px): (f64, f64),
+    ) -> Option<(i64, i64)> {
         let (low, high) = if alpha.abs() * half < 1e-9 * reach {
             if self.chief.abs() > reach { (1.0, 0.0) } else { (-half, half) }
         } else {
@@ -44,8 +44,8 @@ impl Axis {
             return None;
         }
         let (a, b) = (self.zero - self.slope * low, self.zero - self.slope * high);
-        let first = (a.min(b) - beside_px).floor().max(sensor[0]) as i64;
-        let end = (a.max(b) + beside_px).ceil().clamp(sensor[0], sensor[1]) as i64;
+        let first = (a.min(b) - beside_px).floor().max(-beyond_px) as i64;
+        let end = (a.max(b) + beside_px).ceil().clamp(-beyond_px, self.pixels as f64 + beyond_px) as i64;
         (first < end).then_some((first, end))
     }
 
@@ -58,9 +58,9 @@ impl Axis {
         half: f64,
         corner: f64,
         (spot, blur_px): (f64, f64),
-        sensor: [f64; 2],
+        beyond_px: f64,
     ) -> Option<(i64, i64)> {
-        let (first, end) = self.lit_on(alpha, half, corner + REACH_SIGMA * spot, REACH * blur_px, sensor)?;
+        let (first, end) = self.lit(alpha, half, corner + REACH_SIGMA * spot, (REACH * blur_px, beyond_px))?;
         if alpha.abs() * half < SMALL * spot {
             return Some((first, end));
         }

@@ -164,7 +164,7 @@ impl Tables<Spline> {
                 }
             }
         }
-        let share = Spline::new(low, step, nodes, share, share_by_s);
+        let share = Spline::new(low, step, nodes, share, share_by_s).quick();
         let integral = Spline::new(low, step, nodes, integral, integral_by_s);
         Self { sigma_mm, share, integral }
     }

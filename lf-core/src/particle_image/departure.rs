@@ -1,8 +1,8 @@
 //! How a lenslet departs from the picture that it takes: by another scale, and by scales that differ along x and y. The
-//! place q from the picture's middle shows what the picture has at `q + d(q)`. The light of a pixel
-//! comes from a bump about `b = p + v grad log M`, of variance `v T`, `T = 1 + v grad grad log M`, where M is the mean
-//! over the pixel and v the variance of the pixel and the sensor's blur, which the departure does not stretch. There,
-//! with D the derivatives of d, the mean becomes
+//! place q from the picture's middle shows what the picture has at `q + d(q)`. The light of a pixel comes from a bump
+//! about `b = p + v grad log M`, of variance `v T`, `T = 1 + v grad grad log M`. Here M is the mean over the pixel, and
+//! v the variance of the pixel and the sensor's blur, which the departure does not stretch. With D the derivatives of
+//! d, the mean becomes
 //!
 //! ```text
 //! (M + d grad M + 1/2 d d grad grad M) det(1 + D T) / det(1 + D),   d = d(b)

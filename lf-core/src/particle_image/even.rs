@@ -9,6 +9,7 @@ use super::axis::Axis;
 use super::cell_surface::{Ladder, REACH_SIGMA};
 use super::departure::{Bumps, Departure, Stop};
 use super::fine::{DARK, LEAST_VARIANCE, MOST_SHIFT};
+use super::inside::{Inside, in_round, in_square};
 use super::lenslet_image::{Cut, LensletImage, Listed, Patch, Scratch};
 use super::lenslet_lines::LensletLine;
 use super::picture_means::{NUMBERS, PictureMeans};
@@ -16,7 +17,6 @@ use super::pictures::LANES;
 use super::quantities::{LIGHT, PLACES, QUANTITIES};
 use super::sensor_blur::SensorBlur;
 use super::view::View;
-use crate::normal::quick_distribution;
 use glam::DVec2;
 
 /// Largest departure of a lenslet from a picture, px at the edge of its cell.
@@ -210,14 +210,15 @@ impl<T: Listed> LensletImage<'_, T> {
         places.clear();
         places.resize(columns * rows, [0.0; PLACES]);
         let light = (&*even, departure.as_ref());
+        let least = LEAST_VARIANCE * factors.variance;
         match (is_whole, is_round) {
             (true, _) if N <= LIGHT && departure.is_none() => {
                 let lit = places.iter_mut().zip(&even.means[0]).filter(|(_, mean)| **mean > DARK);
                 lit.for_each(|(out, mean)| out[0] = factors.scale * mean);
             }
             (true, _) => factors.light(light, places, |_, _, _| (1.0, [0.0; 2], 0.0)),
-            (_, true) => factors.light(light, places, |u, v, mixed| factors.in_round(u, v, mixed)),
-            (_, false) => factors.light(light, places, |u, v, _| factors.in_square(u, v)),
+            (_, true) => factors.light(light, places, |u, v, mixed| in_round(stop.half, u, v, mixed, least)),
+            (_, false) => factors.light(light, places, |u, v, _| in_square(stop.half, u, v)),
         }
         let [column, row] = [left, top].map(|first| first as u32);
         Some(Some(Patch { column, row, columns: columns as u32, rows: rows as u32 }))
@@ -252,7 +253,7 @@ impl Factors {
         &self,
         (PictureMeans { means, places, .. }, departure): (&PictureMeans, Option<&Departure>),
         out: &mut [[f32; PLACES]],
-        inside: impl Fn([f32; 2], [f32; 2], f32) -> (f32, [f32; 2], f32),
+        inside: impl Fn([f32; 2], [f32; 2], f32) -> Inside,
     ) {
         let v = self.variance;
         let (most, least) = (MOST_SHIFT * v.sqrt(), LEAST_VARIANCE);
@@ -310,37 +311,5 @@ impl Factors {
                 *out = [numbers[0][n], numbers[1][n], numbers[2][n], numbers[3][n]];
             }
         }
-    }
-
-    /// The variance of a bump is no less.
-    #[inline(always)]
-    fn least_variance(&self) -> f32 {
-        LEAST_VARIANCE * self.variance
-    }
-
-    /// A round stop. Its rim is a parabola near the bump: it leaves out what the bump's width along the rim bends away.
-    #[inline(always)]
-    fn in_round(&self, u: [f32; 2], variance: [f32; 2], mixed: f32) -> (f32, [f32; 2], f32) {
-        let radius = (u[0] * u[0] + u[1] * u[1]).sqrt().max(f32::MIN_POSITIVE);
-        let out = [u[0] / radius, u[1] / radius];
-        let square = [out[0] * out[0], out[1] * out[1]];
-        let cross = 2.0 * out[0] * out[1] * mixed;
-        let across = (square[0] * variance[0] + square[1] * variance[1] + cross).max(self.least_variance());
-        let along = (square[1] * variance[0] + square[0] * variance[1] - cross).max(0.0);
-        let per_sigma = 1.0 / across.sqrt();
-        let (share, density) = quick_distribution((self.stop.half - radius - 0.5 * along / self.stop.half) * per_sigma);
-        let by = density * per_sigma;
-        (share, [-by * out[0], -by * out[1]], by)
-    }
-
-    #[inline(always)]
-    fn in_square(&self, u: [f32; 2], variance: [f32; 2]) -> (f32, [f32; 2], f32) {
-        let side = |u: f32, variance: f32| {
-            let per_sigma = 1.0 / variance.sqrt();
-            let (share, density) = quick_distribution((self.stop.half - u.abs()) * per_sigma);
-            (share, density * per_sigma, u.signum())
-        };
-        let ((x, by_x, x_sign), (y, by_y, y_sign)) = (side(u[0], variance[0]), side(u[1], variance[1]));
-        (x * y, [-by_x * y * x_sign, -by_y * x * y_sign], by_x * y + by_y * x)
     }
 }

@@ -23,13 +23,13 @@ use super::axis::Axis;
 use super::beam::{TERMS, curvature_of_terms, sum_of_terms};
 use super::cell_surface::Ladder;
 use super::fine_sensor::FineSensor;
+use super::inside::{Inside, in_round, in_square};
 use super::lenslet_image::{LensletImage, Listed, Patch, Scratch};
 use super::lenslet_lines::LensletLine;
 use super::pictures::LANES;
 use super::quantities::{LIGHT, PLACES, QUANTITIES};
 use super::sensor_blur::SensorBlur;
 use super::spots::Spots;
-use crate::normal::quick_distribution;
 use glam::DVec2;
 
 /// A place with a smaller mean of the cell is dark.
@@ -93,11 +93,10 @@ impl<T: Listed> LensletImage<'_, T> {
     ) -> Option<Patch> {
         let sensor = &blur.fine;
         let (axes, alpha) = self.axes(line);
-        let beyond_px = sensor.variance.sqrt() / sensor.parts as f64;
-        let (across, down) = (
-            self.lit_within(0, &axes[0], alpha.x, beyond_px, sensor.reach)?,
-            self.lit_within(1, &axes[1], alpha.y, beyond_px, sensor.reach)?,
-        );
+        // Light beyond the sensor's edges comes back with the rest of the blur.
+        let around = Some((sensor.variance.sqrt() / sensor.parts as f64, sensor.reach));
+        let across = self.lit_around(0, &axes[0], alpha.x, around)?;
+        let down = self.lit_around(1, &axes[1], alpha.y, around)?;
         let first = [across.0, down.0];
         let [columns, rows] = [across, down].map(|(first, end)| (end - first) as usize);
         let lenslet = self.lenslet((blur.share, sensor), (&axes, alpha), (first, by_shift), sigma_mm);
@@ -105,17 +104,6 @@ impl<T: Listed> LensletImage<'_, T> {
         let wide = [columns + 2 * sensor.reach, rows + 2 * sensor.reach];
         sensor.smooth(&mut scratch.fine, wide[1], N > PLACES);
         self.hand_out::<N>((first, sensor.reach as i64), wide, scratch)
-    }
-
-    /// First and end pixel along axis `n` whose finer pixels can be lit, and up to `more` pixels beyond the sensor.
-    #[inline(always)]
-    fn lit_within(&self, n: usize, axis: &Axis, alpha: f64, blur_px: f64, more: usize) -> Option<(i64, i64)> {
-        let Self { view, beam, spot_mm, .. } = *self;
-        let whole = Axis { chief: beam.chief[n] - axis.centre, ..*axis };
-        let (axis, alpha) = if beam.is_bent() { (&whole, beam.alpha) } else { (axis, alpha) };
-        let (half, corner) = (view.optics.half_aperture_mm, view.corner[n] + beam.most_bend_mm);
-        let more = more as f64;
-        axis.lit_blurred(alpha, half, corner, (spot_mm, blur_px), [-more, axis.pixels as f64 + more])
     }
 
     #[inline(always)]
@@ -192,10 +180,11 @@ impl<T: Listed> LensletImage<'_, T> {
         let round = lenslet.follow(spots);
         let sigma_mm = f64::from(lenslet.spot_mm2 + round).sqrt();
         T::fill_means(ladder, sigma_mm, spots);
+        let least = LEAST_VARIANCE * lenslet.kernel[0].min(lenslet.kernel[1]);
         match (lenslet.is_whole, lenslet.is_round) {
-            (true, _) => lenslet.light::<N>(spots, round, |_, _, _| (1.0, [0.0; 2])),
-            (_, true) => lenslet.light::<N>(spots, round, |u, v, mixed| lenslet.in_round(u, v, mixed)),
-            (_, false) => lenslet.light::<N>(spots, round, |u, v, _| in_square(u, v)),
+            (true, _) => lenslet.light::<N>(spots, round, |_, _, _| (1.0, [0.0; 2], 0.0)),
+            (_, true) => lenslet.light::<N>(spots, round, |u, v, mixed| in_round(1.0, u, v, mixed, least)),
+            (_, false) => lenslet.light::<N>(spots, round, |u, v, _| in_square(1.0, u, v)),
         }
         for (quantity, numbers) in spots.light.iter().enumerate().take(N.min(QUANTITIES - 1)) {
             light.set(quantity, &spots.at[..spots.count], numbers);
@@ -375,15 +364,9 @@ impl Lenslet {
     }
 
     /// The light of the spots and its derivatives. `round` is the variance of K in their means, mm^2.
-    /// `inside(middle, variance, mixed)` is the share of a bump that lies inside the stop, and its derivatives by the
-    /// middle.
+    /// `inside(middle, variance, mixed)` is the part of a bump inside the stop.
     #[inline(always)]
-    fn light<const N: usize>(
-        &self,
-        spots: &mut Spots,
-        round: f32,
-        inside: impl Fn([f32; 2], [f32; 2], f32) -> (f32, [f32; 2]),
-    ) {
+    fn light<const N: usize>(&self, spots: &mut Spots, round: f32, inside: impl Fn([f32; 2], [f32; 2], f32) -> Inside) {
         let room = spots.room();
         let Spots { stop, by, means, light, .. } = spots;
         for first in (0..room).step_by(LANES) {
@@ -404,7 +387,7 @@ impl Lenslet {
         &self,
         (stop, by): (&[Eight; 2], &[Eight; 4]),
         (means, round): (&[Eight; 6], f32),
-        inside: &impl Fn([f32; 2], [f32; 2], f32) -> (f32, [f32; 2]),
+        inside: &impl Fn([f32; 2], [f32; 2], f32) -> Inside,
     ) -> [Eight; QUANTITIES] {
         let mut numbers = [[0f32; LANES]; QUANTITIES];
         let [kx, ky] = self.kernel;
@@ -432,7 +415,7 @@ impl Lenslet {
             let (u, v) = (stop[0][k], stop[1][k]);
             let middle = [u + (kx * gu).max(-far[0]).min(far[0]), v + (ky * gv).max(-far[1]).min(far[1])];
             let variance = [(kx + kx * kx * luu).max(least[0]), (ky + ky * ky * lvv).max(least[1])];
-            let (share, by_middle) = inside(middle, variance, kx * ky * luv);
+            let (share, by_middle, _) = inside(middle, variance, kx * ky * luv);
             let lit = if mean > DARK { self.scale } else { 0.0 };
             let (of_mean, of_share) = (lit * share, lit * mean);
             let light = of_mean * mean;
@@ -468,32 +451,4 @@ impl Lenslet {
         }
         numbers
     }
-
-    /// A round stop. Its rim is a parabola near the bump: it leaves out what the bump's width along the rim bends away.
-    #[inline(always)]
-    fn in_round(&self, [u, v]: [f32; 2], variance: [f32; 2], mixed: f32) -> (f32, [f32; 2]) {
-        let radius = (u * u + v * v).sqrt().max(f32::MIN_POSITIVE);
-        let out = [u / radius, v / radius];
-        let square = [out[0] * out[0], out[1] * out[1]];
-        let cross = 2.0 * out[0] * out[1] * mixed;
-        let least = LEAST_VARIANCE * self.kernel[0].min(self.kernel[1]);
-        let across = (square[0] * variance[0] + square[1] * variance[1] + cross).max(least);
-        let along = (square[1] * variance[0] + square[0] * variance[1] - cross).max(0.0);
-        let per_sigma = 1.0 / across.sqrt();
-        let (share, density) = quick_distribution((1.0 - radius - 0.5 * along) * per_sigma);
-        let by = -density * per_sigma;
-        (share, [by * out[0], by * out[1]])
-    }
-}
-
-/// A square stop.
-#[inline(always)]
-fn in_square([u, v]: [f32; 2], variance: [f32; 2]) -> (f32, [f32; 2]) {
-    let side = |u: f32, variance: f32| {
-        let per_sigma = 1.0 / variance.sqrt();
-        let (share, density) = quick_distribution((1.0 - u.abs()) * per_sigma);
-        (share, -(density * per_sigma).copysign(u))
-    };
-    let ((x, by_x), (y, by_y)) = (side(u, variance[0]), side(v, variance[1]));
-    (x * y, [by_x * y, x * by_y])
 }

@@ -8,7 +8,8 @@ use super::edge_sums::EdgeSums;
 use super::factor::Factor;
 use super::fine_light::FineLight;
 use super::lenslet_lines::LensletLine;
-use super::picture_means::PictureMeans;
+use super::picture_means::{ORDERS, PictureMeans};
+use super::pictures::LANES;
 use super::place::{Place, width};
 use super::quantities::{LIGHT, PLACES, QUANTITIES};
 use super::rim::{self, Side, Strip, Way};
@@ -92,12 +93,12 @@ impl Listed for Cross {
         let Spots { hit, means, .. } = spots;
         let corner = half_sides(&ladder.corners);
         let per_sigma = (1.0 / sigma_mm) as f32;
-        for first in (0..count).step_by(8) {
-            let mut jets = [[[0f32; 8]; 3]; 2];
+        for first in (0..count).step_by(LANES) {
+            let mut jets = [[[0f32; LANES]; 3]; 2];
             for n in 0..2 {
                 let half = corner[n] as f32;
-                let hit: [f32; 8] = hit[n][first..first + 8].try_into().expect("eight spots");
-                for k in 0..8 {
+                let hit: [f32; LANES] = hit[n][first..first + LANES].try_into().expect("eight spots");
+                for k in 0..LANES {
                     let (low, high) = ((hit[k] + half) * per_sigma, (hit[k] - half) * per_sigma);
                     let ((a, a_by), (b, b_by)) = (quick_distribution(low), quick_distribution(high));
                     jets[n][0][k] = a - b;
@@ -105,10 +106,9 @@ impl Listed for Cross {
                     jets[n][2][k] = (high * b_by - low * a_by) * per_sigma * per_sigma;
                 }
             }
-            const ORDERS: [[usize; 2]; 6] = [[0, 0], [1, 0], [0, 1], [2, 0], [1, 1], [0, 2]];
             for (list, [x, y]) in means.iter_mut().zip(ORDERS) {
-                let list: &mut [f32; 8] = (&mut list[first..first + 8]).try_into().expect("eight spots");
-                for k in 0..8 {
+                let list: &mut [f32; LANES] = (&mut list[first..first + LANES]).try_into().expect("eight spots");
+                for k in 0..LANES {
                     list[k] = jets[0][x][k] * jets[1][y][k];
                 }
             }
@@ -208,14 +208,26 @@ impl<T: Listed> LensletImage<'_, T> {
     /// First and end pixel along axis `n` that can be lit.
     #[inline(always)]
     pub(super) fn lit(&self, n: usize, axis: &Axis, alpha: f64) -> Option<(i64, i64)> {
+        self.lit_around(n, axis, alpha, self.view.blur.as_ref().map(|blur| (blur.sigma_px, 0)))
+    }
+
+    /// Like [`Self::lit`], for a blur of this standard deviation, px, and pixels beyond the sensor's edges.
+    #[inline(always)]
+    pub(super) fn lit_around(
+        &self,
+        n: usize,
+        axis: &Axis,
+        alpha: f64,
+        blur: Option<(f64, usize)>,
+    ) -> Option<(i64, i64)> {
         let Self { view, beam, spot_mm: spot, .. } = *self;
         // The largest bend is that from the straight rays of the whole stop.
         let whole = Axis { chief: beam.chief[n] - axis.centre, ..*axis };
         let (axis, alpha) = if beam.is_bent() { (&whole, beam.alpha) } else { (axis, alpha) };
         let (half, corner) = (view.optics.half_aperture_mm, view.corner[n] + beam.most_bend_mm);
-        match &view.blur {
-            Some(blur) => axis.lit_blurred(alpha, half, corner, (spot, blur.sigma_px), [0.0, axis.pixels as f64]),
-            None => axis.lit(alpha, half, corner + REACH_SIGMA * spot, 0.0),
+        match blur {
+            Some((blur_px, beyond)) => axis.lit_blurred(alpha, half, corner, (spot, blur_px), beyond as f64),
+            None => axis.lit(alpha, half, corner + REACH_SIGMA * spot, (0.0, 0.0)),
         }
     }
 

@@ -240,32 +240,26 @@ impl ParticleModel {
                 }
             }
             let by_shift = self.lines.by_shift;
-            let patch = match (T::by_axes::<N>(&image, line, by_shift, scratch), &self.view.blur) {
-                (Some(patch), _) => patch,
-                (None, None) => image.integrate::<N>(line, by_shift, scratch),
-                // Not in closures: these are compiled for the oldest processors unless they are inlined.
-                (None, Some(blur)) if N > PLACES => match image.unshaded((blur, ladder), by_shift, line, scratch) {
-                    Some(patch) => patch,
-                    None => {
-                        if let Some(patch) = image.blurred::<N>((blur, ladder), (sigma_mm, by_shift), line, scratch) {
-                            found(patch, scratch);
-                        }
-                        continue;
-                    }
-                },
+            // Not in closures: these are compiled for the oldest processors unless they are inlined.
+            let (patch, is_by_place) = match (T::by_axes::<N>(&image, line, by_shift, scratch), &self.view.blur) {
+                (Some(patch), _) => (patch, false),
+                (None, None) => (image.integrate::<N>(line, by_shift, scratch), false),
                 (None, Some(blur)) => {
-                    let patch = match image.even::<N>((blur, ladder), line, scratch) {
-                        Some(patch) => patch,
-                        None => image.blurred::<N>((blur, ladder), (sigma_mm, by_shift), line, scratch),
+                    let (known, is_by_place) = if N > PLACES {
+                        (image.unshaded((blur, ladder), by_shift, line, scratch), false)
+                    } else {
+                        (image.even::<N>((blur, ladder), line, scratch), true)
                     };
-                    if let Some(patch) = patch {
-                        found(patch, scratch);
+                    match known {
+                        Some(patch) => (patch, is_by_place),
+                        None => (image.blurred::<N>((blur, ladder), (sigma_mm, by_shift), line, scratch), true),
                     }
-                    continue;
                 }
             };
             if let Some(patch) = patch {
-                to_place::<N>(beam, sigma_mm, scratch);
+                if !is_by_place {
+                    to_place::<N>(beam, sigma_mm, scratch);
+                }
                 found(patch, scratch);
             }
         }

@@ -5,6 +5,8 @@ use super::spline::Stencil;
 
 /// Numbers of a mean: level, slopes along x and y, and curvatures xx, xy and yy.
 pub(super) const NUMBERS: usize = 6;
+/// The orders along x and y of each.
+pub(super) const ORDERS: [[usize; 2]; NUMBERS] = [[0, 0], [1, 0], [0, 1], [2, 0], [1, 1], [0, 2]];
 
 /// A particle's picture, and the means of the last lenslet's pixels.
 #[derive(Debug, Default)]
@@ -60,8 +62,6 @@ impl PictureMeans {
                             }
                         }
                     }
-                    // The orders along x and y of each number.
-                    const ORDERS: [[usize; 2]; NUMBERS] = [[0, 0], [1, 0], [0, 1], [2, 0], [1, 1], [0, 2]];
                     for (sum, [along_x, along_y]) in sums.iter_mut().zip(ORDERS) {
                         for k in 0..LANES {
                             sum[k] += down[along_y][j] * lines[along_x][k];

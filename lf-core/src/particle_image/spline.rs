@@ -12,7 +12,7 @@ pub(super) struct Spline {
     nodes: [usize; 2],
     values: Vec<f64>,
     by_size: Vec<f64>,
-    /// Both in single precision.
+    /// Both in single precision; empty unless [`Self::quick`] made them.
     quick: [Vec<f32>; 2],
 }
 
@@ -36,8 +36,7 @@ impl Spline {
         mut by_size: Vec<f64>,
     ) -> Self {
         [&mut values, &mut by_size].into_iter().for_each(|table| to_coefficients(table, nodes));
-        let quick = [&values, &by_size].map(|table| table.iter().map(|value| *value as f32).collect());
-        Self { low, per_step: 1.0 / step, nodes, values, by_size, quick }
+        Self { low, per_step: 1.0 / step, nodes, values, by_size, quick: Default::default() }
     }
 }
 
@@ -99,6 +98,12 @@ fn quick_stencil(place: f32, last: f32) -> (usize, [f32; 4], [f32; 4], [f32; 4])
 }
 
 impl Spline {
+    /// With what [`Self::fill`] reads.
+    pub(super) fn quick(mut self) -> Self {
+        self.quick = [&self.values, &self.by_size].map(|table| table.iter().map(|value| *value as f32).collect());
+        self
+    }
+
     /// Fills level, slopes along x and y, and curvatures xx, xy and yy at places, in single precision, for a size that
     /// is `more` than the table's.
     #[inline(always)]

@@ -439,6 +439,50 @@ fn light_alone_is_the_same_light() {
     }
 }
 
+/// Images in single precision, from pictures of the cell, against those with all quantities: the light is theirs, and
+/// derivatives are as near to its differences. Pictures whose light the stop cuts are left out: the finer sensor is
+/// nearer to rays than they are. The tests above hold both against rays.
+#[test]
+fn places_are_those_of_the_slow_twin() {
+    const STEP_MM: f64 = 2e-5;
+    let mut aberrated = aberrated();
+    aberrated.iter_mut().for_each(|(_, camera)| camera.blur = Some(Blur { sigma_px: 0.4, wavelength_nm: None }));
+    let blurred = [0.3, 0.8].into_iter().flat_map(blurred_cameras).chain(aberrated);
+    let is_cut = |name: &str, camera: &Camera| camera.blur.is_some() && !is_bent(camera) && !is_product(name);
+    let kept = cameras().into_iter().chain(blurred).filter(|(name, camera)| !is_cut(name, camera));
+    for (name, camera) in kept {
+        let [most, more] = if is_bent(&camera) { [0.006, 0.06] } else { [0.003, 0.02] };
+        let model = ParticleModel::new(&camera, SIGMA_MM, DEPTH_MM).unwrap();
+        for (place, size) in PLACES.into_iter().zip([1.0, 0.7, 1.0, 1.5, 1.1]) {
+            let (slow, fast) = (image_of(&model, place, size), places(&model, place, size, false));
+            let value = |map: &Pixels, at, quantity: usize| map.get(at).map_or(0.0, |pixel| pixel[quantity]);
+            let either = slow.keys().chain(fast.keys().filter(|at| !slow.contains_key(at)));
+            let light = 0.5 * either.map(|at| (value(&slow, at, 0) - value(&fast, at, 0)).abs()).sum::<f64>();
+            assert!(light < most, "{name} {place:?}: {light:.5}");
+            for quantity in 1..PLACES_OF_A_PIXEL {
+                let [before, after] = [-STEP_MM, STEP_MM].map(|by| {
+                    let mut place = place;
+                    place[quantity - 1] += by;
+                    image_of(&model, place, size)
+                });
+                // A pixel that comes or goes has no slope.
+                let (mut off_slow, mut off_fast, mut whole) = (0.0, 0.0, 0.0);
+                for at in slow.keys().filter(|at| [&before, &after, &fast].iter().all(|map| map.contains_key(at))) {
+                    let slope = (value(&after, at, 0) - value(&before, at, 0)) / (2.0 * STEP_MM);
+                    off_slow += (slope - value(&slow, at, quantity)).powi(2);
+                    off_fast += (slope - value(&fast, at, quantity)).powi(2);
+                    whole += slope * slope;
+                }
+                let [off_slow, off_fast] = [off_slow, off_fast].map(|off| f64::sqrt(off / whole));
+                assert!(
+                    off_fast < off_slow + more,
+                    "{name} {place:?} quantity {quantity}: {off_fast:.4} for {off_slow:.4}"
+                );
+            }
+        }
+    }
+}
+
 /// Derivatives in single precision against differences of their own light. The tests above hold the light against rays.
 #[test]
 fn places_change_as_their_derivatives_say() {
