@@ -9,6 +9,7 @@
 
 use glam::{DMat2, DVec2, DVec3};
 use lf_core::Optics;
+use std::f64::consts::SQRT_2;
 
 /// Steps that find the ray through a position on the array.
 const STEPS: usize = 16;
@@ -91,6 +92,25 @@ impl<'a> PointView<'a> {
     pub fn place_px(&self, (i, j): (i64, i64)) -> DVec2 {
         let centre = self.optics.lattice().centre_mm(i, j);
         self.middle_px(centre, self.aperture_mm(centre)).0
+    }
+
+    /// By how much a source of this standard deviation along x and y moves the middle of a sub-image from that of a
+    /// point, px. Where rays bend, the sides of the source send different light to a lenslet.
+    pub fn shift_px(&self, lenslet: (i64, i64), object_mm: f64) -> DVec2 {
+        if !self.optics.bends_rays() {
+            return DVec2::ZERO;
+        }
+        let centre = self.optics.lattice().centre_mm(lenslet.0, lenslet.1);
+        let (mut sum, mut light) = (DVec2::ZERO, 0.0);
+        for side in [DVec3::X, DVec3::NEG_X, DVec3::Y, DVec3::NEG_Y] {
+            let view = Self::new(self.optics, self.place_mm + SQRT_2 * object_mm * side);
+            let aperture = view.aperture_mm(centre);
+            // The share of the stop that lights the cell.
+            let share = 1.0 / view.spread(aperture, STEP * self.optics.half_aperture_mm).0.determinant().abs();
+            sum += share * view.middle_px(centre, aperture).0;
+            light += share;
+        }
+        sum / light - self.place_px(lenslet)
     }
 
     /// Middle of the sub-image, px, under the lenslet at `centre` that is lit from `aperture`, and the part by which
@@ -298,5 +318,41 @@ pub(crate) mod tests {
                 }
             }
         }
+    }
+
+    #[test]
+    fn a_dot_moves_the_middle_of_the_light_as_its_rays_do() {
+        let mut camera = seed(40, Layout::Square);
+        let mut most_px = 0.0f64;
+        for medium in [None, Some((180.0, 20.0))] {
+            let medium = medium.map(|(window_z_mm, window_thickness_mm)| Medium {
+                index: 1.333,
+                window_z_mm,
+                window_thickness_mm,
+                window_index: 1.49,
+            });
+            camera.medium = medium;
+            let optics = Optics::new(&camera);
+            for (place, radius) in [(DVec3::new(0.5, -0.3, 4.0), 0.04), (DVec3::new(-0.6, 0.2, -2.5), 0.025)] {
+                let view = PointView::new(&optics, place);
+                let whole = DVec2::splat(1.3 * 0.077 / view.alpha.abs());
+                for seen in view.lit_lenslets(0.9, 0.025).iter().step_by(3) {
+                    // Two rings of equal area.
+                    let (mut sum, mut light) = (DVec2::ZERO, 0.0);
+                    for n in 0..16 {
+                        let ring = radius * if n < 8 { 0.5 } else { 0.75f64.sqrt() };
+                        let side = DVec2::from_angle(std::f64::consts::FRAC_PI_4 * f64::from(n)) * ring;
+                        let (mean, count) = by_rays(&optics, place + side.extend(0.0), seen, whole);
+                        sum += count * mean;
+                        light += count;
+                    }
+                    let shift = view.shift_px(seen.lenslet, 0.5 * radius);
+                    let off = sum / light - seen.place_px;
+                    assert!(off.distance(shift) < 0.001 + 0.25 * off.length(), "{place} {off} {shift}");
+                    most_px = most_px.max(shift.length());
+                }
+            }
+        }
+        assert!(most_px > 0.04, "{most_px}");
     }
 }

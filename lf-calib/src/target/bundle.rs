@@ -27,6 +27,14 @@ pub(crate) struct DotSighting {
     pub sub_images: Vec<SubImage>,
 }
 
+impl DotSighting {
+    /// Moves the sub-images of a dot of some size (a standard deviation, mm) to where a point would show them.
+    pub fn make_points(&mut self, optics: &Optics, pose: &TargetPose, size_mm: f64) {
+        let view = PointView::new(optics, pose.place_mm(self.target_mm));
+        self.sub_images.par_iter_mut().for_each(|seen| seen.place_px -= view.shift_px(seen.lenslet, size_mm));
+    }
+}
+
 pub(crate) struct Bundle<'a> {
     pub nominal: &'a Camera,
     pub sightings: &'a [DotSighting],

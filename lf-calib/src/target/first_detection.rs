@@ -10,7 +10,7 @@ use crate::{
     points::view::PointView,
 };
 use glam::{DVec2, DVec3};
-use lf_core::{Optics, Refusal, statistics::upper_median};
+use lf_core::{Camera, Optics, Refusal, statistics::upper_median};
 use ndarray::ArrayView2;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
@@ -27,7 +27,7 @@ const FIRST_PX: f64 = 4.0;
 
 /// Largest distance of a sub-image from the prediction of a located point, px.
 const NEXT_PX: f64 = 1.5;
-/// Blur of the sub-images beside the size of the dots and of the pixels, px.
+/// Blur that no camera names, px.
 const SENSOR_PX: f64 = 0.05;
 /// Sizes of dots (standard deviations) that are tried, px on the sensor, then factors about the best of them.
 const BLURS_PX: [f64; 9] = [0.09, 0.13, 0.2, 0.3, 0.45, 0.65, 0.95, 1.4, 2.0];
@@ -42,6 +42,13 @@ pub(crate) struct TargetImage<'a> {
     pub number: usize,
     pub ids: &'a BTreeMap<u64, usize>,
     pub optics: &'a Optics,
+    /// [`sensor_px`] of the camera.
+    pub sensor_px: f64,
+}
+
+/// Blur of the sub-images beside the size of the dots and of the pixels, px.
+pub(crate) fn sensor_px(camera: &Camera) -> f64 {
+    SENSOR_PX.hypot(camera.blur_core_px())
 }
 
 struct FirstDetection {
@@ -82,7 +89,7 @@ fn first_detection(
     half_view_mm: DVec2,
     shift_mm: Option<DVec2>,
 ) -> Result<FirstDetection, Refusal> {
-    let TargetImage { exposure, optics, .. } = target;
+    let TargetImage { exposure, optics, sensor_px, .. } = target;
     let (depth, flat) = (exposure.depth_mm(), exposure.flat_mm());
     let spacing = spacing_mm(&flat).ok_or_else(|| no_target("a table of fewer than 2 dots"))?;
     let lenslet = optics.lattice().row_pitch_mm() / optics.beta(depth);
@@ -100,7 +107,7 @@ fn first_detection(
     let peaks: Vec<DVec2> = refocused.peaks(APART * spacing).into_iter().map(|(_, place)| place).collect();
     let found = recognise(&flat, &peaks, inside.max(0.3 * half_view_mm), shift_mm)
         .map_err(|refusal| with_spacing(refusal, spacing, &peaks))?;
-    let rough = PointBlur { object_mm: 0.6 / axis.px_per_mm(), sensor_px: SENSOR_PX };
+    let rough = PointBlur { object_mm: 0.6 / axis.px_per_mm(), sensor_px };
     let located: Vec<(usize, DVec3)> = found
         .pairs
         .par_iter()
@@ -111,7 +118,7 @@ fn first_detection(
             Some((dot, place))
         })
         .collect();
-    let sightings = sightings(target, &located, FEWEST);
+    let (sightings, _) = sightings(target, &located, FEWEST);
     let mut deeper: Vec<f64> = located.iter().map(|(dot, place)| place.z - exposure.dots[*dot].place_mm[2]).collect();
     let deeper_mm = upper_median(&mut deeper).unwrap_or(0.0);
     if sightings.len() < 3 {
@@ -130,19 +137,21 @@ fn with_spacing(refusal: Refusal, spacing: f64, peaks: &[DVec2]) -> Refusal {
     Refusal { found, ..refusal }
 }
 
-/// Reads the sub-images of every dot where a camera and a pose of the target predict them.
-pub(crate) fn detect_again(image: TargetImage, pose: &TargetPose) -> Vec<DotSighting> {
+/// Reads the sub-images of every dot where a camera and a pose of the target predict them. Returns the size of the dots
+/// too, mm.
+pub(crate) fn detect_again(image: TargetImage, pose: &TargetPose) -> (Vec<DotSighting>, f64) {
     let places = image.exposure.dots.iter().map(|dot| pose.place_mm(DVec3::from(dot.place_mm)));
     sightings(image, &places.enumerate().collect::<Vec<_>>(), 1)
 }
 
-/// Reads the sub-images of dots at known positions, and keeps the dots with at least `fewest` of them.
-fn sightings(target: TargetImage, located: &[(usize, DVec3)], fewest: usize) -> Vec<DotSighting> {
-    let TargetImage { exposure, number, ids, optics } = target;
+/// Reads the sub-images of dots at known positions, and keeps the dots with at least `fewest` of them. Returns the size
+/// of the dots too, mm.
+fn sightings(target: TargetImage, located: &[(usize, DVec3)], fewest: usize) -> (Vec<DotSighting>, f64) {
+    let TargetImage { exposure, number, ids, optics, sensor_px } = target;
     let image = exposure.pixels.view();
     let places: Vec<DVec3> = located.iter().map(|(_, place)| *place).collect();
-    let blur = best_blur(image, optics, &places);
-    located
+    let blur = best_blur(image, optics, sensor_px, &places);
+    let seen = located
         .par_iter()
         .map(|&(dot, place)| DotSighting {
             dot: ids[&exposure.dots[dot].id],
@@ -151,16 +160,17 @@ fn sightings(target: TargetImage, located: &[(usize, DVec3)], fewest: usize) -> 
             sub_images: measure(image, optics, place, blur, NEXT_PX, false),
         })
         .filter(|sighting| sighting.sub_images.len() >= fewest)
-        .collect()
+        .collect();
+    (seen, blur.object_mm)
 }
 
 /// The blur that gives the sub-images of points at `places` the smallest uncertainties.
-fn best_blur(image: ArrayView2<f32>, optics: &Optics, places: &[DVec3]) -> PointBlur {
+fn best_blur(image: ArrayView2<f32>, optics: &Optics, sensor_px: f64, places: &[DVec3]) -> PointBlur {
     let middle = places.get(places.len() / 2).copied().unwrap_or(DVec3::Z);
     let px_per_mm = PointView::new(optics, middle).px_per_mm();
     let every = (places.len() / BLUR_DOTS).max(1);
     let some: Vec<DVec3> = places.iter().step_by(every).copied().collect();
-    let blur = |blur_px: f64| PointBlur { object_mm: blur_px / px_per_mm, sensor_px: SENSOR_PX };
+    let blur = |blur_px: f64| PointBlur { object_mm: blur_px / px_per_mm, sensor_px };
     let median_uncertainty = |blur_px: f64| {
         let read = |place: &DVec3| measure(image, optics, *place, blur(blur_px), NEXT_PX, false);
         let mut all: Vec<f64> = some.par_iter().flat_map_iter(read).map(|sub_image| sub_image.uncertainty_px).collect();

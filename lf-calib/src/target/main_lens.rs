@@ -9,7 +9,7 @@
 
 use super::bundle::{Bundle, BundleFit, BundleMisfit, DotSighting};
 use super::exposure::{Exposure, numbers_by_id};
-use super::first_detection::{TargetImage, detect_again, first_detections};
+use super::first_detection::{TargetImage, detect_again, first_detections, sensor_px};
 use super::selection::{GroupResult, ParameterGroup, select};
 use super::{report::MainLensFit, report::report, warnings::far_lengths, warnings::is_doubtful};
 use crate::points::locate::{NARROWEST, nearest_depths_mm, width_in_lenslets};
@@ -155,7 +155,8 @@ impl TargetSearch<'_> {
     }
 
     fn image<'a>(&'a self, number: usize, optics: &'a Optics) -> TargetImage<'a> {
-        TargetImage { exposure: &self.exposures[number], number, ids: &self.ids, optics }
+        let exposure = &self.exposures[number];
+        TargetImage { exposure, number, ids: &self.ids, optics, sensor_px: sensor_px(self.nominal) }
     }
 
     /// Numbers of the images in which a dot lights enough lenslets, nearest to focus first: they help the others.
@@ -250,7 +251,12 @@ impl TargetSearch<'_> {
                 }
                 seen
             };
-            readings = (0..self.exposures.len()).map(read).collect::<Vec<_>>();
+            let (seen, sizes_mm): (_, Vec<f64>) = (0..self.exposures.len()).map(read).unzip();
+            readings = seen;
+            // All that the model lacks makes dots look larger.
+            let sizes_mm = sizes_mm.iter().zip(&readings).filter(|(_, seen)| !seen.is_empty()).map(|(size, _)| *size);
+            let size_mm = sizes_mm.fold(f64::INFINITY, f64::min);
+            readings.iter_mut().flatten().for_each(|sighting| sighting.make_points(&optics, &pose, size_mm));
             let sightings = thinned(&readings.concat());
             changes = self.bundle(&sightings, has_prior).fit(&first.parameters, &changes)?.changes;
         }
