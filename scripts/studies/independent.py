@@ -68,7 +68,8 @@ def nearest(layout, turn, x, y):
 class Blur:
     """Where a photon lands beside its ray. The cell is drawn on a grid and transformed: any shape, no formula."""
 
-    CELLS, GRID = 64, 2048  # grid cells in a pitch, and a side
+    # Grid cells in a pitch, and a side. The pattern reaches half as many lambda g / p; too small a reach narrows it.
+    CELLS, GRID = 256, 2048
 
     def __init__(self, layout, words):
         self.wavelength_nm, self.sigma_px = (float(word) for word in words.split(","))
