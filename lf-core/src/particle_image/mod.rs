@@ -23,8 +23,9 @@
 //! The rim of a round stop leaves a part of a pixel's rectangle: strips across the rim, each a rectangle again, in both
 //! forms. Where a lenslet sees only a part of a pixel, pixels at the rim are cut into finer ones.
 //!
-//! A blurred sensor has an integral of its own (`fine.rs`), and where rays are straight a faster one (`even.rs`). The
-//! light that diffraction sends far is not in a particle's image: see [`crate::halo`].
+//! A blurred sensor has an integral of its own (`fine.rs`), and where rays are straight a faster one (`even.rs`), which
+//! is less exact where the stop cuts a lenslet's light. The light that diffraction sends far is not in a particle's
+//! image: see [`crate::halo`].
 //!
 //! Simplifications: a spot's own width does not move the pixels' edges on the stop (it does by 0.001 px in focus, by
 //! 0.02 px with a gap that is a fortieth too long), and distortion does not stretch the spot into an ellipse.

@@ -281,6 +281,7 @@ pub(crate) fn join<'a>(mut views: Vec<CameraView<'a>>, list: Vec<Particle>) -> R
         });
         let (expected, halo) = (std::mem::take(&mut view.expected), view.halo.take());
         *view = view.reshaped(view.shape, depth_mm).map_err(|refusal| (n, refusal))?;
+        view.model.set_exact(false);
         (view.expected, view.halo) = (expected, halo);
     }
     Particles::new(Cameras { views }, list).map_err(|refusal| (0, refusal))
@@ -355,10 +356,12 @@ impl<'a, 'o> Stages<'a, 'o> {
         Ok(())
     }
 
-    /// Changes particles until no change is worth it.
+    /// Changes particles until no change is worth it, and ends with exact images.
     fn finish(mut self) -> Result<Fit<'a>, Refusal> {
         self.particles.wake_where(|_| true);
         self.rounds(0)?;
+        self.particles.cameras.views.iter_mut().for_each(|view| view.model.set_exact(true));
+        self.particles.render();
         self.own_sizes()?;
         if self.is_stale {
             self.fit("fit", ROUND_STEPS);
