@@ -324,13 +324,8 @@ pub(crate) mod tests {
     fn a_dot_moves_the_middle_of_the_light_as_its_rays_do() {
         let mut camera = seed(40, Layout::Square);
         let mut most_px = 0.0f64;
-        for medium in [None, Some((180.0, 20.0))] {
-            let medium = medium.map(|(window_z_mm, window_thickness_mm)| Medium {
-                index: 1.333,
-                window_z_mm,
-                window_thickness_mm,
-                window_index: 1.49,
-            });
+        let tank = Medium { index: 1.333, window_z_mm: 180.0, window_thickness_mm: 20.0, window_index: 1.49 };
+        for medium in [None, Some(tank)] {
             camera.medium = medium;
             let optics = Optics::new(&camera);
             for (place, radius) in [(DVec3::new(0.5, -0.3, 4.0), 0.04), (DVec3::new(-0.6, 0.2, -2.5), 0.025)] {

@@ -24,14 +24,16 @@ pub(crate) struct DotSighting {
     pub dot: usize,
     pub exposure: usize,
     pub target_mm: DVec3,
+    /// Size of the dots as this exposure shows them, a standard deviation, mm.
+    pub size_mm: f64,
     pub sub_images: Vec<SubImage>,
 }
 
 impl DotSighting {
-    /// Moves the sub-images of a dot of some size (a standard deviation, mm) to where a point would show them.
+    /// Moves the sub-images of a dot of this size to where a point would show them.
     pub fn make_points(&mut self, optics: &Optics, pose: &TargetPose, size_mm: f64) {
         let view = PointView::new(optics, pose.place_mm(self.target_mm));
-        self.sub_images.par_iter_mut().for_each(|seen| seen.place_px -= view.shift_px(seen.lenslet, size_mm));
+        self.sub_images.iter_mut().for_each(|seen| seen.place_px -= view.shift_px(seen.lenslet, size_mm));
     }
 }
 

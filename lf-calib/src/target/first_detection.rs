@@ -42,13 +42,15 @@ pub(crate) struct TargetImage<'a> {
     pub number: usize,
     pub ids: &'a BTreeMap<u64, usize>,
     pub optics: &'a Optics,
-    /// [`sensor_px`] of the camera.
-    pub sensor_px: f64,
+    /// The camera as it is known, for its blur.
+    pub nominal: &'a Camera,
 }
 
-/// Blur of the sub-images beside the size of the dots and of the pixels, px.
-pub(crate) fn sensor_px(camera: &Camera) -> f64 {
-    SENSOR_PX.hypot(camera.blur_core_px())
+impl TargetImage<'_> {
+    /// Blur of the sub-images beside the size of the dots and of the pixels, px.
+    fn sensor_px(&self) -> f64 {
+        SENSOR_PX.hypot(self.nominal.blur_core_px())
+    }
 }
 
 struct FirstDetection {
@@ -89,7 +91,7 @@ fn first_detection(
     half_view_mm: DVec2,
     shift_mm: Option<DVec2>,
 ) -> Result<FirstDetection, Refusal> {
-    let TargetImage { exposure, optics, sensor_px, .. } = target;
+    let TargetImage { exposure, optics, .. } = target;
     let (depth, flat) = (exposure.depth_mm(), exposure.flat_mm());
     let spacing = spacing_mm(&flat).ok_or_else(|| no_target("a table of fewer than 2 dots"))?;
     let lenslet = optics.lattice().row_pitch_mm() / optics.beta(depth);
@@ -107,7 +109,7 @@ fn first_detection(
     let peaks: Vec<DVec2> = refocused.peaks(APART * spacing).into_iter().map(|(_, place)| place).collect();
     let found = recognise(&flat, &peaks, inside.max(0.3 * half_view_mm), shift_mm)
         .map_err(|refusal| with_spacing(refusal, spacing, &peaks))?;
-    let rough = PointBlur { object_mm: 0.6 / axis.px_per_mm(), sensor_px };
+    let rough = PointBlur { object_mm: 0.6 / axis.px_per_mm(), sensor_px: target.sensor_px() };
     let located: Vec<(usize, DVec3)> = found
         .pairs
         .par_iter()
@@ -118,7 +120,7 @@ fn first_detection(
             Some((dot, place))
         })
         .collect();
-    let (sightings, _) = sightings(target, &located, FEWEST);
+    let sightings = sightings(target, &located, FEWEST);
     let mut deeper: Vec<f64> = located.iter().map(|(dot, place)| place.z - exposure.dots[*dot].place_mm[2]).collect();
     let deeper_mm = upper_median(&mut deeper).unwrap_or(0.0);
     if sightings.len() < 3 {
@@ -137,31 +139,29 @@ fn with_spacing(refusal: Refusal, spacing: f64, peaks: &[DVec2]) -> Refusal {
     Refusal { found, ..refusal }
 }
 
-/// Reads the sub-images of every dot where a camera and a pose of the target predict them. Returns the size of the dots
-/// too, mm.
-pub(crate) fn detect_again(image: TargetImage, pose: &TargetPose) -> (Vec<DotSighting>, f64) {
+/// Reads the sub-images of every dot where a camera and a pose of the target predict them.
+pub(crate) fn detect_again(image: TargetImage, pose: &TargetPose) -> Vec<DotSighting> {
     let places = image.exposure.dots.iter().map(|dot| pose.place_mm(DVec3::from(dot.place_mm)));
     sightings(image, &places.enumerate().collect::<Vec<_>>(), 1)
 }
 
-/// Reads the sub-images of dots at known positions, and keeps the dots with at least `fewest` of them. Returns the size
-/// of the dots too, mm.
-fn sightings(target: TargetImage, located: &[(usize, DVec3)], fewest: usize) -> (Vec<DotSighting>, f64) {
-    let TargetImage { exposure, number, ids, optics, sensor_px } = target;
+/// Reads the sub-images of dots at known positions, and keeps the dots with at least `fewest` of them.
+fn sightings(target: TargetImage, located: &[(usize, DVec3)], fewest: usize) -> Vec<DotSighting> {
+    let TargetImage { exposure, number, ids, optics, .. } = target;
     let image = exposure.pixels.view();
     let places: Vec<DVec3> = located.iter().map(|(_, place)| *place).collect();
-    let blur = best_blur(image, optics, sensor_px, &places);
-    let seen = located
+    let blur = best_blur(image, optics, target.sensor_px(), &places);
+    located
         .par_iter()
         .map(|&(dot, place)| DotSighting {
             dot: ids[&exposure.dots[dot].id],
             exposure: number,
             target_mm: DVec3::from(exposure.dots[dot].place_mm),
+            size_mm: blur.object_mm,
             sub_images: measure(image, optics, place, blur, NEXT_PX, false),
         })
         .filter(|sighting| sighting.sub_images.len() >= fewest)
-        .collect();
-    (seen, blur.object_mm)
+        .collect()
 }
 
 /// The blur that gives the sub-images of points at `places` the smallest uncertainties.

@@ -9,13 +9,14 @@
 
 use super::bundle::{Bundle, BundleFit, BundleMisfit, DotSighting};
 use super::exposure::{Exposure, numbers_by_id};
-use super::first_detection::{TargetImage, detect_again, first_detections, sensor_px};
+use super::first_detection::{TargetImage, detect_again, first_detections};
 use super::selection::{GroupResult, ParameterGroup, select};
 use super::{report::MainLensFit, report::report, warnings::far_lengths, warnings::is_doubtful};
 use crate::points::locate::{NARROWEST, nearest_depths_mm, width_in_lenslets};
 use crate::{fit::changes::Changes, fit::parameter::Parameter as P};
 use glam::{DVec2, DVec3};
 use lf_core::{Camera, Optics, Refusal};
+use rayon::prelude::*;
 use std::collections::BTreeMap;
 
 /// Smallest number of depths that separates a focus offset from a magnification.
@@ -155,8 +156,7 @@ impl TargetSearch<'_> {
     }
 
     fn image<'a>(&'a self, number: usize, optics: &'a Optics) -> TargetImage<'a> {
-        let exposure = &self.exposures[number];
-        TargetImage { exposure, number, ids: &self.ids, optics, sensor_px: sensor_px(self.nominal) }
+        TargetImage { exposure: &self.exposures[number], number, ids: &self.ids, optics, nominal: self.nominal }
     }
 
     /// Numbers of the images in which a dot lights enough lenslets, nearest to focus first: they help the others.
@@ -251,12 +251,10 @@ impl TargetSearch<'_> {
                 }
                 seen
             };
-            let (seen, sizes_mm): (_, Vec<f64>) = (0..self.exposures.len()).map(read).unzip();
-            readings = seen;
+            readings = (0..self.exposures.len()).map(read).collect::<Vec<_>>();
             // All that the model lacks makes dots look larger.
-            let sizes_mm = sizes_mm.iter().zip(&readings).filter(|(_, seen)| !seen.is_empty()).map(|(size, _)| *size);
-            let size_mm = sizes_mm.fold(f64::INFINITY, f64::min);
-            readings.iter_mut().flatten().for_each(|sighting| sighting.make_points(&optics, &pose, size_mm));
+            let size_mm = readings.iter().flatten().map(|sighting| sighting.size_mm).fold(f64::INFINITY, f64::min);
+            readings.par_iter_mut().flatten().for_each(|sighting| sighting.make_points(&optics, &pose, size_mm));
             let sightings = thinned(&readings.concat());
             changes = self.bundle(&sightings, has_prior).fit(&first.parameters, &changes)?.changes;
         }

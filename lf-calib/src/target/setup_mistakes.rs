@@ -6,7 +6,7 @@
 
 use super::bundle::{Bundle, DotSighting};
 use super::exposure::{Dot, Exposure, numbers_by_id};
-use super::first_detection::{TargetImage, first_detections, sensor_px};
+use super::first_detection::{TargetImage, first_detections};
 use super::main_lens::{ALWAYS, LARGEST_RMS_PX, LEAST_FOLLOWING};
 use super::recognise::spacing_mm;
 use crate::points::locate::{NARROWEST, width_in_lenslets};
@@ -132,8 +132,7 @@ fn fit(exposures: &[Exposure], nominal: &Camera, optics: &Optics) -> Option<f64>
     let spacing = spacing_mm(&exposures[0].flat_mm())?;
     let view = DVec2::from(nominal.half_view_mm()).min(DVec2::splat(FARTHEST * spacing));
     let images = exposures.iter().enumerate();
-    let sensor_px = sensor_px(nominal);
-    let images = images.map(|(number, exposure)| TargetImage { exposure, number, ids: &ids, optics, sensor_px });
+    let images = images.map(|(number, exposure)| TargetImage { exposure, number, ids: &ids, optics, nominal });
     let (sightings, start) = first_detections(images, view, || ()).ok()?;
     let bundle = Bundle { nominal, sightings: &sightings, dots: ids.len(), has_prior: false };
     let misfit = bundle.fit(&ALWAYS, &start)?.misfit;

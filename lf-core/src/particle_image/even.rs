@@ -61,13 +61,6 @@ impl<T: Listed> LensletImage<'_, T> {
         far < optics.half_aperture_mm
     }
 
-    /// Whether the stop cuts something of the lenslet's light.
-    #[inline(always)]
-    pub(super) fn is_cut(&self, line: &LensletLine) -> bool {
-        let (axes, alpha) = self.axes(line);
-        !self.is_inside_stop(&axes, alpha)
-    }
-
     /// Fills the scratch's pixels with all quantities where rays are straight and the stop cuts nothing: as on a sharp
     /// sensor, with a wider spot. The outer option is None if rays bend or the stop cuts something.
     #[inline(always)]
@@ -156,7 +149,7 @@ impl<T: Listed> LensletImage<'_, T> {
     }
 
     /// Fills the scratch's places with light, and with its derivatives by place if N asks for them. The outer option is
-    /// None if there is no picture of the lenslet.
+    /// None if no picture serves the lenslet.
     #[inline(always)]
     pub(super) fn even<const N: usize>(
         &self,
@@ -165,7 +158,8 @@ impl<T: Listed> LensletImage<'_, T> {
         scratch: &mut Scratch,
     ) -> Option<Option<Patch>> {
         let (pictures, (axes, alpha)) = (self.view.pictures.as_ref()?, self.axes(line));
-        if self.beam.is_bent() || alpha.x == 0.0 || alpha.y == 0.0 {
+        let (is_whole, is_round) = (self.is_inside_stop(&axes, alpha), self.view.has_round_stop);
+        if self.beam.is_bent() || alpha.x == 0.0 || alpha.y == 0.0 || self.view.is_exact && !is_whole {
             return None;
         }
         let (growths, growth) = Self::growths(&axes, alpha);
@@ -183,7 +177,6 @@ impl<T: Listed> LensletImage<'_, T> {
         let Scratch { even, places, .. } = scratch;
         // Take the last picture, or that in the middle, which may serve all lenslets, or one of the own scale.
         let middle = [0, 1].map(|n| axes[n].zero + growths[n] * axes[n].chief);
-        let (is_whole, is_round) = (self.is_inside_stop(&axes, alpha), self.view.has_round_stop);
         let half = (self.view.optics.half_aperture_mm * axes[0].slope.abs()) as f32;
         let stop = Stop { middle: [0, 1].map(|n| (axes[n].zero - middle[n]) as f32), half, is_round };
         let depart = |other: f64| self.depart((growths, stop), (other, blur_px(other)), is_whole);

@@ -20,6 +20,8 @@ pub(super) struct View {
     pub(super) stop_mm2: f64,
     /// Pictures of the cell; None for a sharp sensor.
     pub(super) pictures: Option<Arc<Pictures>>,
+    /// Whether pictures serve only lenslets of which the stop cuts nothing.
+    pub(super) is_exact: bool,
     /// Blur of the sensor; None for a sharp one.
     pub(super) blur: Option<SensorBlur>,
 }
