@@ -43,7 +43,7 @@ impl Halo {
         let turn = DVec2::from_angle(-camera.microlenses.rotation_rad);
         let sigma_px = camera.blur.map_or(0.0, |blur| blur.sigma_px);
         let gaussian = |f: DVec2, sigma: f64| (-2.0 * PI * PI * sigma * sigma * f.length_squared()).exp();
-        let (core_px, unit_px) = (camera.blur_core_px(), diffraction.unit_px());
+        let (core_px, unit_px) = (camera.blur_core_px(), diffraction.unit_px);
 
         // The kernel's transfer by frequency.
         let reach = ((REACH * unit_px).ceil() as usize).clamp(1, MOST_REACH_PX);
