@@ -117,8 +117,8 @@ impl Halo {
     }
 }
 
-/// sin(pi t) / (pi t).
-fn sinc(t: f64) -> f64 {
+/// sin(pi t) / (pi t): the transfer of a pixel at t times its frequency.
+pub fn sinc(t: f64) -> f64 {
     if t == 0.0 { 1.0 } else { (PI * t).sin() / (PI * t) }
 }
 

@@ -10,6 +10,7 @@ use crate::fit::lenslet_images::LensletImages;
 use crate::fit::{polynomial::Polynomial, polynomial::TiePoint, search::Search};
 use glam::{DMat2, DVec2};
 use lf_core::camera::{Aperture, Camera};
+use lf_core::halo::sinc;
 use nalgebra::{DMatrix, DVector};
 use ndarray::{Array2, s};
 use std::f64::consts::PI;
@@ -267,10 +268,6 @@ fn line(half: f64, k: f64) -> [f64; 2] {
         return [2.0 * half, 4.0 / 3.0 * half];
     }
     [2.0 * half * k.sin() / k, 4.0 * half * (k.sin() - k * k.cos()) / (k * k * k)]
-}
-
-fn sinc(t: f64) -> f64 {
-    if t == 0.0 { 1.0 } else { (PI * t).sin() / (PI * t) }
 }
 
 /// The light over the frame without the lenslets, over its mean.

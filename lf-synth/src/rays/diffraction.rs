@@ -2,7 +2,7 @@
 //! of the lenslet's cell.
 
 use glam::DVec2;
-use lf_core::{Camera, camera::Layout};
+use lf_core::{Camera, camera::Layout, halo::sinc};
 use rand::RngExt;
 use rand_pcg::Pcg64Mcg;
 use rayon::prelude::*;
@@ -87,15 +87,7 @@ impl Pattern {
         let unit_mm = wavelength_mm * camera.gap_mm() / camera.microlenses.pitch_mm;
         let turn = DVec2::from_angle(camera.microlenses.rotation_rad);
         let place: Place = match camera.microlenses.layout {
-            Layout::Square => {
-                let across =
-                    Quantiles::new((0..REACH * FINENESS).map(|n| sinc((n as f64 + 0.5) / FINENESS as f64).powi(2)));
-                let signed = move |share: f64| {
-                    let t = across.at((2.0 * share - 1.0).abs()) / FINENESS as f64;
-                    if share < 0.5 { -t } else { t }
-                };
-                Box::new(move |unit| unit.map(&signed).into())
-            }
+            Layout::Square => of_square(),
             Layout::Hexagonal => of_hexagon(),
         };
         let deflection = |n: usize| {
@@ -122,6 +114,21 @@ impl Pattern {
     }
 }
 
+/// Maps the unit square to the pattern of a square.
+fn of_square() -> Place {
+    let across = across_square();
+    let signed = move |share: f64| {
+        let t = across.at((2.0 * share - 1.0).abs()) / FINENESS as f64;
+        if share < 0.5 { -t } else { t }
+    };
+    Box::new(move |unit| unit.map(&signed).into())
+}
+
+/// A sinc^2 on one side of its middle.
+fn across_square() -> Quantiles {
+    Quantiles::new((0..REACH * FINENESS).map(|n| sinc((n as f64 + 0.5) / FINENESS as f64).powi(2)))
+}
+
 /// Maps the unit square to the pattern of a hexagon: the angle first, then the radius.
 fn of_hexagon() -> Place {
     // Far light lies along the ridges across the sides, where radii are the closest.
@@ -143,11 +150,6 @@ fn of_hexagon() -> Place {
         let radius = radii[(at as usize).min(RADII - 1)].at(b) / RADIAL_FINENESS as f64;
         radius * DVec2::from_angle(side + from_side)
     })
-}
-
-/// sin(pi t) / (pi t).
-fn sinc(t: f64) -> f64 {
-    if t == 0.0 { 1.0 } else { (PI * t).sin() / (PI * t) }
 }
 
 /// Fourier transform, 1 in the middle, of a hexagon whose sides are 1 apart, two across the x axis: the sum over its
@@ -236,8 +238,7 @@ mod tests {
     /// Half of a sinc^2 lies within 0.2214 of its middle.
     #[test]
     fn quantiles_halve_a_sinc() {
-        let across = Quantiles::new((0..REACH * FINENESS).map(|n| sinc((n as f64 + 0.5) / FINENESS as f64).powi(2)));
-        let half = across.at(0.5) / FINENESS as f64;
+        let half = across_square().at(0.5) / FINENESS as f64;
         let cut = (0..4000).map(|n| sinc((n as f64 + 0.5) * half / 4000.0).powi(2)).sum::<f64>() * half / 4000.0;
         assert!((cut - 0.25).abs() < 2e-4, "{cut}");
     }

@@ -16,15 +16,16 @@ const IN_FOCUS: f64 = 1.5;
 /// The standard uncertainty of a depth in focus, over the depth at which the cone of light is as wide as a lenslet. On
 /// five frames that diffract 16 such particles erred by 0.14 of it RMS; most stated less than 0.015.
 const IN_CONE: f64 = 0.16;
-/// Where the variances of x and y lie in a covariance, and that of z.
-const SIDEWAYS: [usize; 2] = [0, 3];
-const DEPTH: usize = 5;
+/// Where the variances of x, y and z lie in a covariance.
+const PLACE: [usize; 3] = [0, 3, 5];
 
 /// Widens the uncertainties of such particles to the width of a lenslet, and in focus to part of the depth at which the
 /// cone of light is as wide. Returns their number.
 pub(crate) fn widen(particles: &mut [FoundParticle], view: &CameraView) -> usize {
     let variances = |axis: usize| particles.iter().map(move |found| found.covariance_mm2[axis]);
-    let most = SIDEWAYS.map(|axis| UNUSUAL.powi(2) * median(&mut variances(axis).collect::<Vec<f64>>()));
+    let most = |axis: usize| UNUSUAL.powi(2) * median(&mut variances(axis).collect::<Vec<f64>>());
+    // A plateau away from focus is one sideways.
+    let most = [most(PLACE[0]), most(PLACE[1]), f64::INFINITY];
     // The variance of places that are alike all over a lenslet.
     let lenslet_mm2 = (view.camera.pitch_px() * view.pixel_mm).powi(2) / 12.0;
     let in_focus_mm = IN_FOCUS * view.depth_of_focus_mm();
@@ -33,14 +34,11 @@ pub(crate) fn widen(particles: &mut [FoundParticle], view: &CameraView) -> usize
     let mut count = 0;
     for found in particles {
         let is_in_focus = found.particle.place_mm[2].abs() < in_focus_mm;
-        let mut is_untold = is_in_focus && found.covariance_mm2[DEPTH] < depth_mm2;
-        if is_untold {
-            found.covariance_mm2[DEPTH] = depth_mm2;
-        }
-        for (axis, most) in SIDEWAYS.into_iter().zip(most) {
+        let mut is_untold = false;
+        for ((axis, wide_mm2), most) in PLACE.into_iter().zip([lenslet_mm2, lenslet_mm2, depth_mm2]).zip(most) {
             let variance = &mut found.covariance_mm2[axis];
-            if *variance < lenslet_mm2 && (is_in_focus || *variance > most) {
-                (*variance, is_untold) = (lenslet_mm2, true);
+            if *variance < wide_mm2 && (is_in_focus || *variance > most) {
+                (*variance, is_untold) = (wide_mm2, true);
             }
         }
         count += usize::from(is_untold);
@@ -75,13 +73,13 @@ mod tests {
         let mut particles: Vec<FoundParticle> = cases.iter().map(|(z, sigmas, _)| particle(*z, *sigmas)).collect();
         assert_eq!(widen(&mut particles, &view(&sight, Pose::default(), 1.0)), 2);
         for (found, (z, _, wanted)) in particles.iter().zip(cases) {
-            for (axis, wanted) in SIDEWAYS.into_iter().zip(wanted) {
+            for (axis, wanted) in PLACE.into_iter().zip(wanted) {
                 let sigma_px = found.covariance_mm2[axis].sqrt() / PIXEL_MM;
                 assert!((sigma_px - wanted).abs() < 1e-3, "z = {z}: {sigma_px} for {wanted}");
             }
             // The cone is as wide as a lenslet at 14 x 0.0055 x 4 mm.
             let wanted = if z == -0.032 { 0.16 * 0.308 } else { 0.01 };
-            assert!((found.covariance_mm2[DEPTH].sqrt() - wanted).abs() < 1e-4);
+            assert!((found.covariance_mm2[PLACE[2]].sqrt() - wanted).abs() < 1e-4);
             assert_eq!(found.light_std, 0.1);
         }
     }
