@@ -501,26 +501,28 @@ impl<'a, 'o> Stages<'a, 'o> {
         self.report(what, Changes { gain, ..Changes::default() });
     }
 
-    /// Fits sizes of the particles' own, if they differ. Before the rounds, particles that overlap look like large
-    /// ones.
+    /// Fits the shape, and sizes of the particles' own if they differ. Before the rounds, particles that overlap look
+    /// like large ones. Before the shape, a blur that is 0.006 px too wide looks like sizes that fall with depth.
     fn own_sizes(&mut self) -> Result<(), Refusal> {
+        self.fit_shape()?;
         let CameraView { shape, shape_std_px, .. } = *self.particles.cameras.first();
         let (list, is_stopped) = (self.particles.list.clone(), self.is_stopped);
-        if self.fit_sizes()? {
-            self.rounds(1)?;
-            self.fit_shape()?;
-            self.fit_sizes()?;
-            if self.particles.size_spread.is_some() {
-                return Ok(());
-            }
-            // Sizes that turn out to be one have moved particles near focus.
-            self.particles.cameras.views[0].set_shape(shape, shape_std_px)?;
-            self.particles.set(list);
-            self.particles.render();
-            self.is_stopped = is_stopped;
-            self.is_stale = true;
+        if !self.fit_sizes()? {
+            return Ok(());
         }
-        self.fit_shape()
+        self.rounds(1)?;
+        self.fit_shape()?;
+        self.fit_sizes()?;
+        if self.particles.size_spread.is_some() {
+            return Ok(());
+        }
+        // Sizes that turn out to be one have moved particles near focus.
+        self.particles.cameras.views[0].set_shape(shape, shape_std_px)?;
+        self.particles.set(list);
+        self.particles.render();
+        self.is_stopped = is_stopped;
+        self.is_stale = true;
+        Ok(())
     }
 
     /// Fits sizes of the particles' own, where they differ. Returns whether a size has changed.

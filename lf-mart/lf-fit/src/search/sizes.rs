@@ -9,6 +9,8 @@ use crate::solve::covariance::Prior;
 use crate::solve::size::{SizeEquation, SizeSpread};
 use lf_core::Refusal;
 
+/// Number of particles, about, that show whether sizes differ.
+const TRIED: usize = 1000;
 /// A smaller step of a size, as a share of its uncertainty, wakes no particle.
 const ENOUGH: f64 = 0.2;
 
@@ -17,14 +19,13 @@ impl Particles<'_> {
     /// one size. Returns whether a size has changed.
     pub(crate) fn fit_sizes(&mut self, prior: Prior) -> Result<bool, Refusal> {
         let misfit = self.cameras.misfit().max(1.0);
-        let awake = std::mem::replace(&mut self.is_awake, vec![true; self.list.len()]);
-        let found = self.of_each(|tile, equations, n| {
-            tile.members[n].number.map(|number| (number, tile.size_equation(equations, n, prior)))
-        });
-        let equations: Vec<(usize, SizeEquation)> = found.into_iter().flatten().collect();
-        self.is_awake = awake;
-        let alone = |(n, equation): &(usize, SizeEquation)| equation.alone(self.list[*n].log_size, misfit);
-        self.size_spread = SizeSpread::of(&equations.iter().filter_map(alone).collect::<Vec<_>>());
+        let every = if self.size_spread.is_none() { self.list.len().div_ceil(TRIED) } else { 1 };
+        let mut equations = self.size_equations(every, prior);
+        self.size_spread = self.spread(&equations, misfit);
+        if self.size_spread.is_some() && every > 1 {
+            equations = self.size_equations(1, prior);
+            self.size_spread = self.spread(&equations, misfit);
+        }
         let Some(spread) = self.size_spread else {
             let had_sizes = self.list.iter().any(|particle| particle.log_size != 0.0);
             self.list.iter_mut().for_each(|particle| particle.log_size = 0.0);
@@ -44,5 +45,22 @@ impl Particles<'_> {
         self.cameras.views[0].set_shape(Shape { sigma_px: shape.sigma_px * middle.exp(), ..shape }, shape_std_px)?;
         self.list.iter_mut().for_each(|particle| particle.log_size -= middle);
         Ok(true)
+    }
+
+    /// The numbers of one particle in `every`, and the equations of their sizes.
+    fn size_equations(&mut self, every: usize, prior: Prior) -> Vec<(usize, SizeEquation)> {
+        let asked = (0..self.list.len()).map(|n| n % every == 0).collect();
+        let awake = std::mem::replace(&mut self.is_awake, asked);
+        let found = self.of_each(|tile, equations, n| {
+            tile.members[n].number.map(|number| (number, tile.size_equation(equations, n, prior)))
+        });
+        self.is_awake = awake;
+        found.into_iter().flatten().collect()
+    }
+
+    /// How sizes spread that each have their equation.
+    fn spread(&self, equations: &[(usize, SizeEquation)], misfit: f64) -> Option<SizeSpread> {
+        let alone = |(n, equation): &(usize, SizeEquation)| equation.alone(self.list[*n].log_size, misfit);
+        SizeSpread::of(&equations.iter().filter_map(alone).collect::<Vec<_>>())
     }
 }
