@@ -527,7 +527,7 @@ impl<'a, 'o> Stages<'a, 'o> {
 
     /// Fits sizes of the particles' own, where they differ. Returns whether a size has changed.
     fn fit_sizes(&mut self) -> Result<bool, Refusal> {
-        if !self.free.sizes || !self.is_alone() || !self.particles.fit_sizes(self.prior)? {
+        if !self.free.sizes || !self.is_alone() || !self.particles.fit_sizes(self.prior, self.free.size)? {
             return Ok(false);
         }
         self.particles.render();

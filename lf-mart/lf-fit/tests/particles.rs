@@ -115,6 +115,12 @@ fn sizes_that_differ_are_found_and_make_no_ghosts() {
             let is_right = if words.is_empty() { (spread - 0.2).abs() < 0.1 } else { spread == 0.0 };
             assert!(is_right, "{seed} {spread}");
         }
+        if seed == "seed=2" {
+            // The usual size may be held beside sizes that differ.
+            bench.done(&format!("{call} --hold size --size 0.8"));
+            let counts = &bench.json("stats.json")["counts"];
+            assert!(counts["size_px"] == 0.8 && counts["size_spread"].as_f64() > Some(0.1), "{counts}");
+        }
     }
     let [held, own] = sums.map(|[all, matched, found]| [matched, found].map(|count| count as f64 / all as f64));
     assert!(own[0] >= 0.97 && own[1] <= 1.02, "{own:?}");

@@ -57,13 +57,14 @@ pub struct Arguments {
     /// Field of displacements that moves the particles of --start to this frame
     #[arg(long, value_name = "FILE", requires = "start", help_heading = FIT)]
     pub start_field: Option<PathBuf>,
-    /// Keep as given instead of fitting: the size of particles, the drift of the lattice, the blur of a camera that has
-    /// one, other parameters of a camera that does not explain its image, or the poses of further cameras
+    /// Keep as given instead of fitting: the usual size of particles, that all have it, the drift of the lattice, the
+    /// blur of a camera that has one, other parameters of a camera that does not explain its image, or the poses of
+    /// further cameras
     #[arg(
         long,
         value_enum,
         value_delimiter = ',',
-        value_name = "size,drift,blur,camera,pose",
+        value_name = "size,sizes,drift,blur,camera,pose",
         hide_possible_values = true,
         help_heading = FIT
     )]

@@ -16,8 +16,8 @@ const ENOUGH: f64 = 0.2;
 
 impl Particles<'_> {
     /// Gives each particle the size that its light and the sizes of all particles make likeliest, unless all may be of
-    /// one size. Returns whether a size has changed.
-    pub(crate) fn fit_sizes(&mut self, prior: Prior) -> Result<bool, Refusal> {
+    /// one size. Where the usual size `is_free`, the middle one becomes it. Returns whether a size has changed.
+    pub(crate) fn fit_sizes(&mut self, prior: Prior, is_free: bool) -> Result<bool, Refusal> {
         let misfit = self.cameras.misfit().max(1.0);
         let every = if self.size_spread.is_none() { self.list.len().div_ceil(TRIED) } else { 1 };
         let mut equations = self.size_equations(every, prior);
@@ -39,7 +39,9 @@ impl Particles<'_> {
                 (self.is_awake[n], self.is_whole[n]) = (true, false);
             }
         }
-        // The shape's size is the middle one.
+        if !is_free {
+            return Ok(true);
+        }
         let CameraView { shape, shape_std_px, .. } = self.cameras.views[0];
         let middle = spread.middle();
         self.cameras.views[0].set_shape(Shape { sigma_px: shape.sigma_px * middle.exp(), ..shape }, shape_std_px)?;
