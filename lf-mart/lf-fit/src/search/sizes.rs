@@ -19,14 +19,11 @@ impl Particles<'_> {
     /// one size. Where the usual size `is_free`, the middle one becomes it. Returns whether a size has changed.
     pub(crate) fn fit_sizes(&mut self, prior: Prior, is_free: bool) -> Result<bool, Refusal> {
         let misfit = self.cameras.misfit().max(1.0);
-        let every = if self.size_spread.is_none() { self.list.len().div_ceil(TRIED) } else { 1 };
-        let mut equations = self.size_equations(every, prior);
-        self.size_spread = self.spread(&equations, misfit);
-        if self.size_spread.is_some() && every > 1 {
-            equations = self.size_equations(1, prior);
-            self.size_spread = self.spread(&equations, misfit);
-        }
-        let Some(spread) = self.size_spread else {
+        let every = self.list.len().div_ceil(TRIED);
+        let is_likely = self.size_spread.is_some() || every == 1 || self.sizes(every, prior, misfit).is_some();
+        let found = if is_likely { self.sizes(1, prior, misfit) } else { None };
+        self.size_spread = found.as_ref().map(|(spread, _)| *spread);
+        let Some((spread, equations)) = found else {
             let had_sizes = self.list.iter().any(|particle| particle.log_size != 0.0);
             self.list.iter_mut().for_each(|particle| particle.log_size = 0.0);
             return Ok(had_sizes);
@@ -49,20 +46,18 @@ impl Particles<'_> {
         Ok(true)
     }
 
-    /// The numbers of one particle in `every`, and the equations of their sizes.
-    fn size_equations(&mut self, every: usize, prior: Prior) -> Vec<(usize, SizeEquation)> {
+    /// How the sizes of one particle in `every` spread, and the numbers of these particles with the equations of their
+    /// sizes; None if they may be one size.
+    fn sizes(&mut self, every: usize, prior: Prior, misfit: f64) -> Option<(SizeSpread, Vec<(usize, SizeEquation)>)> {
         let asked = (0..self.list.len()).map(|n| n % every == 0).collect();
         let awake = std::mem::replace(&mut self.is_awake, asked);
         let found = self.of_each(|tile, equations, n| {
             tile.members[n].number.map(|number| (number, tile.size_equation(equations, n, prior)))
         });
         self.is_awake = awake;
-        found.into_iter().flatten().collect()
-    }
-
-    /// How sizes spread that each have their equation.
-    fn spread(&self, equations: &[(usize, SizeEquation)], misfit: f64) -> Option<SizeSpread> {
+        let equations: Vec<(usize, SizeEquation)> = found.into_iter().flatten().collect();
         let alone = |(n, equation): &(usize, SizeEquation)| equation.alone(self.list[*n].log_size, misfit);
-        SizeSpread::of(&equations.iter().filter_map(alone).collect::<Vec<_>>())
+        let spread = SizeSpread::of(&equations.iter().filter_map(alone).collect::<Vec<_>>())?;
+        Some((spread, equations))
     }
 }
