@@ -30,9 +30,11 @@ pub struct FoundParticle {
 }
 
 impl FoundParticle {
-    /// Multiplies all variances.
-    pub(crate) fn widen(&mut self, factor: f64) {
-        self.covariance_mm2.iter_mut().for_each(|value| *value *= factor);
-        self.light_std *= factor.sqrt();
+    /// Multiplies the variances of x, y and z, and that of the light.
+    pub(crate) fn widen(&mut self, places: [f64; 3], light: f64) {
+        let [x, y, z] = places.map(f64::sqrt);
+        let products = [x * x, x * y, x * z, y * y, y * z, z * z];
+        self.covariance_mm2.iter_mut().zip(products).for_each(|(value, factor)| *value *= factor);
+        self.light_std *= light.sqrt();
     }
 }

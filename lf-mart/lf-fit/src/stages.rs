@@ -22,7 +22,7 @@ use crate::shared::align::align;
 use crate::shared::sample::Sample;
 use crate::solve::covariance::Prior;
 use crate::solve::joint::StopRule;
-use crate::solve::untold::widen;
+use crate::solve::{parts, untold};
 use lf_core::Refusal;
 use lf_core::camera::{EXPLAINED, Evidence, Pose};
 
@@ -86,6 +86,8 @@ pub struct Fit<'a> {
     pub residual: Residual,
     /// The stated variances are this much larger than those of noise alone.
     pub excess: f64,
+    /// The stated uncertainties along x, y and z are usually this much larger, because parts of an image disagree.
+    pub widened: [f64; 3],
     /// Standard deviation of the logarithm of the particles' sizes; 0 if all may be of one size.
     pub size_spread: f64,
     /// Number of particles near focus whose uncertainty sideways is that of a lenslet.
@@ -708,18 +710,16 @@ impl<'a, 'o> Stages<'a, 'o> {
         let (misfit, residual) = (self.particles.cameras.misfit(), self.particles.cameras.residual());
         let excess = residual.excess() * if misfit > EXPLAINED { misfit } else { 1.0 };
         let evidence = self.evidence(excess)?;
-        let mut particles = self.particles.uncertainties(self.prior);
-        if excess > 1.0 {
-            // Errors of the model are errors of the places too.
-            particles.iter_mut().for_each(|particle| particle.widen(excess));
-        }
-        let untold = if self.is_alone() { widen(&mut particles, self.particles.cameras.first()) } else { 0 };
+        let (mut particles, pulls) = self.particles.uncertainties(self.prior);
+        let widened = parts::widen(&mut particles, &pulls, excess);
+        let untold = if self.is_alone() { untold::widen(&mut particles, self.particles.cameras.first()) } else { 0 };
         Ok(Fit {
             particles,
             cameras: self.particles.cameras.views,
             misfit,
             residual,
             excess,
+            widened,
             size_spread: self.particles.size_spread.map_or(0.0, |spread| spread.std()),
             untold,
             doubts: vec![self.doubts],

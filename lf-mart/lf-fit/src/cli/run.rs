@@ -156,7 +156,7 @@ fn warn_of_doubts(doubts: Doubts, view: &CameraView, name: &str, session: &mut S
 
 /// Warns of a model that does not explain the image.
 fn warn_of_model(found: &Fit, session: &mut Session) {
-    let Fit { misfit, residual, excess, is_stopped, .. } = *found;
+    let Fit { misfit, residual, excess, widened, is_stopped, .. } = *found;
     let CameraView { shape, camera, shape_std_px, .. } = found.cameras[0];
     let corrected = shape.corrections(camera, shape_std_px);
     let bounds = shape.at_bounds();
@@ -196,7 +196,18 @@ fn warn_of_model(found: &Fit, session: &mut Session) {
             excess.sqrt()
         ));
     }
+    if widened.into_iter().any(|factor| factor > WIDENED) {
+        let [x, y, z] = widened;
+        session.warn(format!(
+            "the model does not explain the particles' images: their parts disagree on x, y and z by {x:.2}, {y:.2} and {z:.2} \
+             times what noise explains; uncertainties are as much larger; check the camera (lf-calib lattice, volume, \
+             refine) and its blur"
+        ));
+    }
 }
+
+/// Parts of the images that disagree by more than this, over noise, show a wrong model.
+const WIDENED: f64 = 1.25;
 
 /// Counts and warns of what was found.
 fn report(arguments: &Arguments, found: &Fit, session: &mut Session) {
@@ -209,6 +220,7 @@ fn report(arguments: &Arguments, found: &Fit, session: &mut Session) {
     session.count("untold", found.untold);
     session.count("size_spread", found.size_spread);
     session.count("chi2", found.misfit);
+    session.count("widened", found.widened);
     session.count("residual_correlation", found.residual.beside);
     for (name, value) in statistics(&found.cameras[0]).as_object().into_iter().flatten() {
         session.count(name, value.clone());

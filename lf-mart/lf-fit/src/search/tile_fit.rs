@@ -10,6 +10,7 @@ use crate::particle::{FoundParticle, Particle};
 use crate::solve::covariance::{Prior, covariance};
 use crate::solve::joint::{Fitted, StopRule};
 use crate::solve::normal::Normal;
+use crate::solve::parts::Pull;
 use crate::solve::size::{SizeEquation, SizeSpread, SizeSums};
 use rayon::prelude::*;
 
@@ -297,9 +298,13 @@ impl<'a, 'b> TileFit<'a, 'b> {
 }
 
 impl Particles<'_> {
-    /// All particles with their uncertainties.
-    pub(crate) fn uncertainties(&self, prior: Prior) -> Vec<FoundParticle> {
-        self.of_each(|tile, equations, n| tile.found(equations, n, self.size_spread, prior))
+    /// All particles with their uncertainties, and how far the parts of each image pull.
+    pub(crate) fn uncertainties(&self, prior: Prior) -> (Vec<FoundParticle>, Vec<Option<Pull>>) {
+        let each = self.of_each(|tile, equations, n| {
+            let pull = Pull::new(&tile.members[n].image, tile.window, tile.cameras);
+            (tile.found(equations, n, self.size_spread, prior), pull)
+        });
+        each.into_iter().unzip()
     }
 
     /// Calls `find` for each particle that is awake, with the equations of its tile, tile by tile.

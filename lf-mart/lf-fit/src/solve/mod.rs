@@ -4,5 +4,6 @@
 pub mod covariance;
 pub mod joint;
 pub mod normal;
+pub mod parts;
 pub mod size;
 pub mod untold;
