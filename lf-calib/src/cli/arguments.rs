@@ -54,8 +54,9 @@ pub enum Task {
     /// The position of the target (focus offset, lean, turn) and the magnification are always fitted. Other parameters
     /// are fitted if the images clearly require them: array to sensor distance, focal length, offset and rotation of
     /// the lattice, tilt of the sensor, distortion, aberrations, the medium. The images of the lenslets stay where a
-    /// white image has shown them, so run `lattice` first. A dot must light at least five lenslets across at two depths
-    /// or more. Images in which it lights no lenslet completely are left out. All images are held in memory.
+    /// white image has shown them, and as wide, so run `lattice` first. A dot must light at least five lenslets across
+    /// at two depths or more. Images in which it lights no lenslet completely are left out. All images are held in
+    /// memory.
     #[command(after_help = "Examples; the first makes the images of the second:
   lf-synth scene target | lf-synth dots -o target
   lf-calib volume target -c target/camera.json -v -o calibrated.json")]

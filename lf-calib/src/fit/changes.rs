@@ -40,6 +40,10 @@ impl Changes {
             turn_rad: self.get(P::LatticeTurn),
         };
         keep_images(&mut camera, before, drift);
+        if is_stop_measured(before) {
+            // The stop's image under a lenslet is as wide as the gap over the f-number.
+            camera.main_lens.working_f_number *= camera.gap_mm() / before.gap_mm();
+        }
         camera
     }
 
@@ -66,6 +70,19 @@ impl Changes {
             None => self.get(parameter),
         }
     }
+}
+
+/// Whether a white image has shown the lenslets of a camera.
+pub(crate) fn is_white_known(camera: &Camera) -> bool {
+    camera.calibration.as_ref().is_some_and(|calibration| calibration.get("lattice").is_some())
+}
+
+/// Whether a white image has shown the f-number of a camera.
+fn is_stop_measured(camera: &Camera) -> bool {
+    let lattice = camera.calibration.as_ref().and_then(|calibration| calibration.get("lattice"));
+    let shown = lattice.and_then(|lattice| lattice.get("working_f_number")?.as_f64());
+    // Numbers that went through a file.
+    shown.is_some_and(|shown| (shown / camera.main_lens.working_f_number - 1.0).abs() < 1e-9)
 }
 
 /// The number of a camera that a parameter stands for, which is added if it is missing. None for a target's parameter,
@@ -146,6 +163,17 @@ mod tests {
             assert!((grown - wanted).abs() < 1e-3 * step, "{parameter:?} {grown} {step}");
             changed.camera(&before).check().unwrap();
         }
+    }
+
+    #[test]
+    fn the_stop_keeps_the_width_that_a_white_image_has_shown() {
+        let mut before = seed(40, Layout::Square);
+        let change = Changes::NONE.plus(Parameter::Gap, 0.1 * before.gap_mm());
+        assert_eq!(change.camera(&before).main_lens.working_f_number, before.main_lens.working_f_number);
+        let shown = json!({"working_f_number": before.main_lens.working_f_number});
+        record(&mut before, "lattice", shown);
+        let after = change.camera(&before).main_lens.working_f_number;
+        assert!((after - 1.1 * before.main_lens.working_f_number).abs() < 1e-9, "{after}");
     }
 
     #[test]

@@ -63,6 +63,12 @@ pub(crate) struct BundleMisfit {
     pub sub_images: usize,
 }
 
+impl BundleMisfit {
+    pub fn kept_share(&self) -> f64 {
+        self.kept as f64 / self.sub_images.max(1) as f64
+    }
+}
+
 type Setting = (Optics, TargetPose);
 
 impl Bundle<'_> {

@@ -11,9 +11,9 @@ use super::bundle::{Bundle, BundleFit, BundleMisfit, DotSighting};
 use super::exposure::{Exposure, numbers_by_id};
 use super::first_detection::{TargetImage, detect_again, first_detections};
 use super::selection::{GroupResult, ParameterGroup, select};
-use super::{report::MainLensFit, report::report, warnings::far_lengths, warnings::is_doubtful};
+use super::{report::MainLensFit, report::report, warnings::far_lengths};
 use crate::points::locate::{NARROWEST, nearest_depths_mm, width_in_lenslets};
-use crate::{fit::changes::Changes, fit::parameter::Parameter as P};
+use crate::{fit::changes::Changes, fit::changes::is_white_known, fit::parameter::Parameter as P};
 use glam::{DVec2, DVec3};
 use lf_core::{Camera, Optics, Refusal};
 use rayon::prelude::*;
@@ -86,14 +86,13 @@ fn groups(nominal: &Camera) -> Vec<ParameterGroup> {
         after,
         is_first: after.is_none() && !matches!(parameters[0], P::ComaGrowth | P::Index | P::Window),
     };
-    let measured = nominal.calibration.as_ref().is_some_and(|calibration| calibration.get("lattice").is_some());
     let lens = &nominal.main_lens;
     let is_far = lens.pupil_vergence_per_mm.is_some() || lens.telecentric.is_some() && lens.pupil_distance_mm.is_none();
     let mut groups = vec![
         one(&[P::Gap], None),
         one(if is_far { &[P::Vergence] } else { &[P::Pupil] }, None),
         one(&[P::FocalLength], None),
-        if measured { one(&[P::SkewX, P::SkewY], None) } else { one(&[P::LatticeX, P::LatticeY], None) },
+        if is_white_known(nominal) { one(&[P::SkewX, P::SkewY], None) } else { one(&[P::LatticeX, P::LatticeY], None) },
         one(&[P::LatticeTurn], None),
         one(&[P::TiltX, P::TiltY], None),
         one(&[P::K1], None),
@@ -124,7 +123,7 @@ fn unsolved() -> ImageRefusal {
 
 /// Whether the sub-images follow a camera.
 fn follows(misfit: &BundleMisfit) -> bool {
-    misfit.rms_px <= LARGEST_RMS_PX && misfit.kept as f64 >= LEAST_FOLLOWING * misfit.sub_images as f64
+    misfit.rms_px <= LARGEST_RMS_PX && misfit.kept_share() >= LEAST_FOLLOWING
 }
 
 /// A camera that was found, with the last reading of each image and the sub-images that were fitted.
@@ -196,14 +195,12 @@ impl TargetSearch<'_> {
         let Some(in_doubt) = alone.as_ref().map_or(Some("no camera fits".to_owned()), doubt) else {
             return alone.map(|alone| (alone, None));
         };
-        let held = self.found(sightings, groups, start, true).filter(|held| {
-            let BundleMisfit { rms_px, expected_px, .. } = held.fit.misfit;
-            doubt(held).is_none() && !is_doubtful(rms_px, expected_px)
-        });
+        let held = self.found(sightings, groups, start, true).filter(|held| doubt(held).is_none());
         let as_well = |held: &FoundCamera| {
             let Some(alone) = alone.as_ref().filter(|alone| follows(&alone.fit.misfit)) else { return true };
-            let (one, other) = (alone.fit.misfit, self.bundle(&alone.sightings, false).misfit(&held.fit.changes));
-            other.rms_px <= AS_WELL * one.rms_px && AS_WELL * other.kept as f64 >= one.kept as f64
+            // Each by the sub-images as it reads them.
+            let (one, other) = (alone.fit.misfit, held.fit.misfit);
+            other.rms_px <= AS_WELL * one.rms_px && AS_WELL * other.kept_share() >= one.kept_share()
         };
         match held.filter(as_well) {
             Some(held) => Some((held, Some(in_doubt))),
