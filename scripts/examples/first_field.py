@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 """From a flow to vectors, in steps to read and to run: first_field.py [FOLDER]. A quarter of an hour for you; the
-computer takes a minute of it.
+computer takes a minute or two of it, if it is idle.
 
 Everything is made here: a camera, particles in a known flow, the two frames that the camera would take, and a white
 image. Then you forget what you know, and find the flow from the images. FOLDER (first_field) gets the files, and a
@@ -120,5 +120,6 @@ score = lf.run("lf-validate", "displacement", at("scene/flow.exr"), at("field.ex
 print("         RMS error: " + ", ".join(f"{axis} {score[f'rms_{axis}_px']:.2f} px" for axis in "uvw"))
 
 # Now ask for fewer particles (`--set particles.per_lenslet=0.1` in step 1), for a smaller stop of the lens
-# (`working_f_number`), for more noise (`--set sensor_noise.bits=8`), and see what becomes of the error. With a camera
-# of your own, begin at step 3 with your own white image, and put its data sheets in place of `camera`.
+# (`working_f_number`), for noise (`--set 'sensor_noise={"photon_noise": true, "read_noise_electrons": 20}'`), and see
+# what becomes of the error. With a camera of your own, begin at step 3 with your own white image, and put its data
+# sheets in place of `camera`.

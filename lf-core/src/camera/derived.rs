@@ -114,7 +114,7 @@ impl Camera {
     }
 
     /// The optional blocks and whether the camera has them. The first six bend rays or defocus the lenslets.
-    fn optional_blocks(&self) -> [(&'static str, bool); 11] {
+    fn optional_blocks(&self) -> [(&'static str, bool); 12] {
         [
             ("medium", self.medium.is_some()),
             ("main_lens.telecentric", self.has_steep_rays()),
@@ -127,6 +127,7 @@ impl Camera {
             ("main_lens.pupil_distance_mm", self.main_lens.pupil_distance_mm.is_some()),
             ("main_lens.pupil_vergence_per_mm", self.main_lens.pupil_vergence_per_mm.is_some()),
             ("main_lens.telecentric", self.main_lens.telecentric.is_some() && !self.has_steep_rays()),
+            ("blur", self.blur.is_some()),
         ]
     }
 

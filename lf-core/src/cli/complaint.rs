@@ -52,8 +52,12 @@ pub(super) fn answer(tool: &str, error: &clap::Error, command: &clap::Command, t
             usage(tool, &format!("nothing to do; wanted {wanted}"))
         }
         _ => {
+            let usage = |what: &str| {
+                let task = task(command, typed).map_or(String::new(), |task| format!(" {}", task.get_name()));
+                complain(tool, &format!("{what}; see '{tool}{task} --help'"))
+            };
             if let Some((option, number)) = negative(error, command, typed) {
-                return usage(tool, &format!("{option}: {number}; wanted a number of 0 or more"));
+                return usage(&format!("{option}: {number}; wanted a number of 0 or more"));
             }
             let text = error.render().to_string();
             let mut paragraphs = text.split("\n\n");
@@ -65,21 +69,28 @@ pub(super) fn answer(tool: &str, error: &clap::Error, command: &clap::Command, t
             let what = what.replace("invalid float literal", "wanted a number");
             let what = what.replace("number too large to fit in target type", "wanted a smaller number");
             let tip = paragraphs.map(words).find_map(|paragraph| Some(paragraph.strip_prefix("tip: ")?.to_owned()));
-            usage(tool, &tip.map_or_else(|| what.to_owned(), |tip| format!("{what} ({tip})")))
+            usage(&tip.map_or_else(|| what.to_owned(), |tip| format!("{what} ({tip})")))
         }
     }
 }
 
-/// The option and its negative number, which clap reports as an unknown option.
+/// The subcommand that was typed.
+fn task<'c>(command: &'c clap::Command, typed: &[OsString]) -> Option<&'c clap::Command> {
+    command.get_subcommands().find(|task| typed.iter().any(|word| word == task.get_name()))
+}
+
+/// The option and its negative number, or list of numbers, which clap reports as an unknown option.
 fn negative(error: &clap::Error, command: &clap::Command, typed: &[OsString]) -> Option<(String, String)> {
     use clap::error::{ContextKind, ContextValue};
     let ContextValue::String(found) = error.get(ContextKind::InvalidArg)? else { return None };
     let place = typed.iter().position(|word| word.to_str().is_some_and(|word| word.starts_with(found.as_str())))?;
-    let number = typed[place].to_str().filter(|word| word.parse::<f64>().is_ok())?;
+    let number = typed[place].to_str().filter(|word| word.split(',').all(|part| part.parse::<f64>().is_ok()))?;
     let option = typed[..place].last()?.to_str()?;
-    let task = command.get_subcommands().find(|task| typed[..place].iter().any(|word| word == task.get_name()));
     let name = option.strip_prefix("--")?;
-    let mut options = task.unwrap_or(command).get_arguments().filter(|known| known.get_long() == Some(name));
+    let mut options = task(command, &typed[..place])
+        .unwrap_or(command)
+        .get_arguments()
+        .filter(|known| known.get_long() == Some(name));
     options.any(|known| known.get_action().takes_values()).then(|| (option.to_owned(), number.to_owned()))
 }
 

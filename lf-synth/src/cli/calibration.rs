@@ -32,7 +32,7 @@ pub fn white(ImageArguments { source, output }: &ImageArguments, session: &mut S
     )?;
     let mut image = rendered("white", ("rows", rows), session, |done| rays::white(&instrument, &cells, seed, done))?;
     session.count("rays", image.rays);
-    setup.record(&mut image.pixels, WHITE, session)?;
+    setup.record("the white image", &mut image.pixels, WHITE, session)?;
     save_image(output, &image.pixels, session)
 }
 
@@ -47,7 +47,7 @@ pub fn dark(ImageArguments { source, output }: &ImageArguments, session: &mut Se
     let bytes = memory::dark(&setup.instrument(), setup.scene.sensor_noise.as_ref());
     setup.allow_memory(bytes, || setup.sensor(), session)?;
     let mut pixels = Array2::zeros((setup.camera.sensor.height, setup.camera.sensor.width));
-    setup.record(&mut pixels, DARK, session)?;
+    setup.record("the dark image", &mut pixels, DARK, session)?;
     save_image(output, &pixels, session)
 }
 
@@ -76,7 +76,7 @@ pub fn dots(source: &SceneSource, folder: &Path, format: ImageFormat, session: &
         let mut image = rendered(&format!("depth {n}"), ("dots", target.len() as u64), session, |done| {
             rays::frame(&instrument, target, &glow, seed, done)
         })?;
-        setup.record(&mut image.pixels, DOTS + n, session)?;
+        setup.record(&format!("image {n} of the target"), &mut image.pixels, DOTS + n, session)?;
         save_image(&folder.join(name), &image.pixels, session)?;
     }
     session.phase("write", |_| {

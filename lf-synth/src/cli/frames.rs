@@ -56,7 +56,7 @@ pub fn render(arguments: &FramesArguments, session: &mut Session) -> Result<()> 
         let mut image =
             rendered(&about, ("particles", total), session, |done| rays::frame(&instrument, &seen, &glow, seed, done))?;
         rays += image.rays;
-        setup.record(&mut image.pixels, frame, session)?;
+        setup.record(&format!("frame {frame}"), &mut image.pixels, frame, session)?;
         save_image(&folder.join(file_of_frame(frame)), &image.pixels, session)?;
         drop(image);
         if *measure_noise && frame == 0 {

@@ -70,14 +70,14 @@ impl Setup {
         session.keep_apart(output, &inputs)
     }
 
-    /// Records the expected counts of image `number` with the scene's sensor, in place.
-    pub fn record(&self, pixels: &mut Array2<f32>, number: usize, session: &mut Session) -> Result<()> {
+    /// Records the expected counts of an image with the scene's sensor, in place. `number` is that of its noise.
+    pub fn record(&self, name: &str, pixels: &mut Array2<f32>, number: usize, session: &mut Session) -> Result<()> {
         let Some(noise) = &self.scene.sensor_noise else { return Ok(()) };
         let recorded = session.phase("record", |_| {
             Ok(noise.record(pixels, self.background.as_ref(), self.scene.seed_of(&self.camera), number))
         })?;
         if recorded.clipped > 0 {
-            session.warn(format!("image {number}: {} pixels are full", recorded.clipped));
+            session.warn(format!("{name}: {} pixels are full", recorded.clipped));
         }
         Ok(())
     }

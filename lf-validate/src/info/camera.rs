@@ -137,6 +137,12 @@ fn blocks(about: &mut Description, camera: &Camera) {
         let terms: Vec<String> = named.collect();
         about.line("aberrations", format!("{}: px at the rim of the stop and the sensor's corner", terms.join(", ")));
     }
+    if let Some(blur) = camera.blur {
+        let light = blur
+            .wavelength_nm
+            .map_or_else(|| "no diffraction".to_string(), |nm| format!("diffraction at {} nm", figures(nm)));
+        about.line("blur", format!("{light}, and a Gaussian of {} px", figures(blur.sigma_px)));
+    }
     if let Some(centres) = &camera.centres {
         let terms = centres.x_mm.len();
         let degree = (1..=MOST_DEGREE).find(|degree| lf_core::lattice::terms(*degree) == terms);
@@ -149,7 +155,7 @@ fn blocks(about: &mut Description, camera: &Camera) {
     if camera.blocks().is_empty() {
         about.line(
             "beyond a thin lens",
-            "nothing: no medium, tilt, gap, distortion, aberrations, departures or flat field",
+            "nothing: no medium, tilt, gap, distortion, aberrations, blur, departures or flat field",
         );
     }
 }
@@ -181,15 +187,23 @@ mod tests {
     #[test]
     fn every_block_has_its_line() {
         let blocks = r#","medium": {"index": 1.333, "window_z_mm": 100}, "tilt": {"x_rad": 0.001, "y_rad": 0},
-            "distortion": {"radial": [0.5, 0, 0]}, "aberrations": {"coma_px": 0.4}, "centres": {"radius_mm": 1, "x_mm": [0, 0, 0, 0, 0], "y_mm": [0, 0, 0, 0, 0]},
+            "distortion": {"radial": [0.5, 0, 0]}, "aberrations": {"coma_px": 0.4}, "blur": {"wavelength_nm": 532, "sigma_px": 0.3},
+            "centres": {"radius_mm": 1, "x_mm": [0, 0, 0, 0, 0], "y_mm": [0, 0, 0, 0, 0]},
             "vignetting": "flat.exr", "calibration": {"lattice": {}, "history": []}}"#;
         let text = SEED.trim().strip_suffix('}').unwrap().replace("0.308,", "0.308, \"gap_mm\": 0.31,") + blocks;
         let camera = Camera::from_json(&text).unwrap();
-        assert_eq!(camera.blocks().len(), 7);
+        assert_eq!(camera.blocks().len(), 8);
         let text = self::camera(&camera).to_string();
         assert_shows(
             &text,
-            &["index 1.333, its", "1 mrad along x", "0.31 mm", "radial 0.5, 0, 0", "coma 0.4: px at the rim"],
+            &[
+                "index 1.333, its",
+                "1 mrad along x",
+                "0.31 mm",
+                "radial 0.5, 0, 0",
+                "coma 0.4: px at the rim",
+                "532 nm, and a Gaussian of 0.3 px",
+            ],
         );
         assert_shows(&text, &["degree 2", "flat.exr", "lattice\n"]);
     }
