@@ -74,13 +74,17 @@ impl Changes {
 
 /// Whether a white image has shown the lenslets of a camera.
 pub(crate) fn is_white_known(camera: &Camera) -> bool {
-    camera.calibration.as_ref().is_some_and(|calibration| calibration.get("lattice").is_some())
+    white_results(camera).is_some()
+}
+
+/// Results of the calibration by white images.
+fn white_results(camera: &Camera) -> Option<&Value> {
+    camera.calibration.as_ref()?.get("lattice")
 }
 
 /// Whether a white image has shown the f-number of a camera.
 fn is_stop_measured(camera: &Camera) -> bool {
-    let lattice = camera.calibration.as_ref().and_then(|calibration| calibration.get("lattice"));
-    let shown = lattice.and_then(|lattice| lattice.get("working_f_number")?.as_f64());
+    let shown = white_results(camera).and_then(|results| results.get("working_f_number")?.as_f64());
     // Numbers that went through a file.
     shown.is_some_and(|shown| (shown / camera.main_lens.working_f_number - 1.0).abs() < 1e-9)
 }

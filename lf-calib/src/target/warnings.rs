@@ -50,7 +50,7 @@ pub fn fit_warnings(found: &MainLensFit, nominal: &Camera) -> Vec<String> {
 }
 
 /// Whether a residual shows that something is wrong.
-pub(super) fn is_doubtful(rms_px: f64, expected_px: f64) -> bool {
+fn is_doubtful(rms_px: f64, expected_px: f64) -> bool {
     rms_px >= DOUBTFUL_TIMES * expected_px && rms_px >= DOUBTFUL_PX
 }
 

@@ -86,9 +86,9 @@ impl Pull {
         if parts.len() < FEWEST { None } else { Self::of(&parts) }
     }
 
-    /// The squares of the pulls along an axis, over those of noise.
-    fn over_noise(&self, axis: usize) -> f64 {
-        self.found[axis] / self.expected[axis]
+    /// The squares of the pulls along x, y and z, over those of noise.
+    fn over_noise(&self) -> [f64; 3] {
+        std::array::from_fn(|axis| self.found[axis] / self.expected[axis])
     }
 
     fn of(parts: &[Part]) -> Option<Self> {
@@ -111,18 +111,20 @@ impl Pull {
 /// Factors of the variances of x, y and z of each particle, at least 1, for the pulls of all: those usual at its depth,
 /// and its own if these are not noise.
 fn widening(pulls: &[(f64, Option<Pull>)]) -> Vec<[f64; 3]> {
-    let mut order: Vec<usize> = (0..pulls.len()).filter(|n| pulls[*n].1.is_some()).collect();
-    order.sort_by(|a, b| pulls[*a].0.total_cmp(&pulls[*b].0).then(a.cmp(b)));
-    if order.len() < ALIKE {
+    let mut known: Vec<(f64, [f64; 3])> =
+        pulls.iter().filter_map(|(z_mm, pull)| Some((*z_mm, pull.as_ref()?.over_noise()))).collect();
+    known.sort_by(|a, b| a.0.total_cmp(&b.0));
+    if known.len() < ALIKE {
         return vec![[1.0; 3]; pulls.len()];
     }
     let factors = |(z_mm, own): &(f64, Option<Pull>)| {
-        let after = order.partition_point(|n| pulls[*n].0 < *z_mm);
-        let first = after.saturating_sub(ALIKE / 2).min(order.len() - ALIKE);
-        let near: Vec<Pull> = order[first..first + ALIKE].iter().filter_map(|n| pulls[*n].1).collect();
+        let after = known.partition_point(|(other_mm, _)| other_mm < z_mm);
+        let first = after.saturating_sub(ALIKE / 2).min(known.len() - ALIKE);
+        let near = &known[first..first + ALIKE];
+        let own = own.map_or([0.0; 3], |pull| pull.over_noise());
         std::array::from_fn(|axis| {
-            let usual = median(&mut near.iter().map(|pull| pull.over_noise(axis)).collect::<Vec<f64>>()) / MEDIAN;
-            let own = own.map_or(0.0, |pull| pull.over_noise(axis));
+            let usual = median(&mut near.iter().map(|(_, ratios)| ratios[axis]).collect::<Vec<f64>>()) / MEDIAN;
+            let own = own[axis];
             let usual = if usual > BY_CHANCE { usual } else { 1.0 };
             if own > ALONE { own.max(usual) } else { usual }
         })
