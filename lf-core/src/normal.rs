@@ -12,9 +12,14 @@ pub fn distribution(z: f64) -> f64 {
     0.5 * libm::erfc(-z * FRAC_1_SQRT_2)
 }
 
-/// The integral of the distribution up to z: `z Phi(z) + phi(z)`.
-pub fn ramp(z: f64) -> f64 {
-    z * distribution(z) + density(z)
+/// The distribution, and its integral up to z, `z Phi(z) + phi(z)`.
+pub fn integrals(z: f64) -> [f64; 2] {
+    // All digits of what is left beyond are lost.
+    if z.abs() > 8.5 {
+        return if z > 0.0 { [1.0, z] } else { [0.0; 2] };
+    }
+    let distribution = distribution(z);
+    [distribution, z * distribution + density(z)]
 }
 
 /// The distribution and the density in single precision, to 3e-7 and 1e-5: Abramowitz and Stegun 7.1.28 and its
@@ -52,6 +57,11 @@ mod tests {
             assert!(off[0].abs() < 4e-7 && off[1].abs() < 2e-5, "{z}: {off:?}");
         }
         assert!(distribution(9.0) == 1.0 && (distribution(-9.0) / 1.128_588e-19 - 1.0).abs() < 1e-6);
-        assert!((ramp(0.0) - 0.398_942_280_401_433).abs() < 1e-14 && (ramp(20.0) - 20.0).abs() < 1e-14);
+        assert!((integrals(0.0)[1] - 0.398_942_280_401_433).abs() < 1e-14);
+        // Beyond the last digits nothing is computed, and nothing jumps there.
+        for z in [-8.5, 8.5] {
+            let [inner, outer] = [integrals(z * (1.0 - 1e-15)), integrals(z * (1.0 + 1e-15))];
+            assert!((inner[0] - outer[0]).abs() < 1e-15 && (inner[1] - outer[1]).abs() < 1e-14, "{z}");
+        }
     }
 }

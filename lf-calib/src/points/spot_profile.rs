@@ -1,6 +1,6 @@
 //! The expected brightness profile of a spot of light.
 
-use lf_core::normal::{distribution, ramp};
+use lf_core::normal::integrals;
 
 /// Widths below this are raised to it, px: a narrower spot would not show its position between pixels.
 const LEAST_PX: f64 = 0.05;
@@ -47,8 +47,9 @@ impl SpotProfile {
             let side = |bit: u32| if n >> bit & 1 == 0 { 0.5 } else { -0.5 };
             let sign = 8.0 * side(0) * side(1) * side(2);
             let z = (u + side(0) + side(1) * w + side(2) * d) / s;
-            value += sign * s * s * 0.5 * (distribution(z) + z * ramp(z));
-            slope += sign * s * ramp(z);
+            let [distribution, ramp] = integrals(z);
+            value += sign * s * s * 0.5 * (distribution + z * ramp);
+            slope += sign * s * ramp;
         }
         (value / (w * d), slope / (w * d))
     }

@@ -4,7 +4,7 @@ use super::cross::{Cross, Line};
 use super::spline::Spline;
 use super::table::Table;
 use crate::lattice::chord;
-use crate::normal::{density, distribution, ramp};
+use crate::normal::{density, distribution, integrals};
 use glam::DVec2;
 use std::cmp::Ordering;
 use std::sync::{Arc, OnceLock};
@@ -142,7 +142,8 @@ impl Tables<Spline> {
             let x = low[0] + n as f64 * step;
             let (a, b) = ((x - strip.left) / s, (x - strip.right) / s);
             let by_s = -(a * density(a) - b * density(b)) / s;
-            [s * (ramp(a) - ramp(b)), density(a) - density(b), distribution(a) - distribution(b), by_s]
+            let ([share_a, ramp_a], [share_b, ramp_b]) = (integrals(a), integrals(b));
+            [s * (ramp_a - ramp_b), density(a) - density(b), share_a - share_b, by_s]
         };
         let down = |strip: &Strip, n: usize| {
             let z = (low[1] + n as f64 * step - strip.y) / s;
@@ -186,7 +187,7 @@ impl Tables<Cross> {
             Line::new(-reach, step, values, by_size)
         };
         let share = |a: f64, b: f64| [distribution(a) - distribution(b), -(a * density(a) - b * density(b)) / sigma_mm];
-        let integral = |a: f64, b: f64| [sigma_mm * (ramp(a) - ramp(b)), density(a) - density(b)];
+        let integral = |a: f64, b: f64| [sigma_mm * (integrals(a)[1] - integrals(b)[1]), density(a) - density(b)];
         Self {
             sigma_mm,
             share: Cross::new([line(half.x, &share), line(half.y, &share)]),
