@@ -11,8 +11,8 @@ use ndarray::ArrayView2;
 use rayon::prelude::*;
 
 /// Pixels that the round part and the remainder of the mean cell are fitted to. More cost time and gain nothing.
-const ROUND_PIXELS: usize = 1 << 16;
-const REMAINDER_PIXELS: usize = 1 << 19;
+const ROUND_PIXELS: usize = 1 << 15;
+const REMAINDER_PIXELS: usize = 1 << 18;
 /// While the lattice is being followed, the pixels are fewer by this factor.
 const ROUGH: usize = 4;
 /// Smallest standard deviation of the remainder that counts, over that of the round part. A smaller one is due to
