@@ -6,6 +6,7 @@ use super::table::Table;
 use crate::lattice::chord;
 use crate::normal::{density, distribution, integrals};
 use glam::DVec2;
+use ndarray::Array2;
 use std::cmp::Ordering;
 use std::sync::{Arc, OnceLock};
 
@@ -138,33 +139,29 @@ impl Tables<Spline> {
         let s = sigma_mm;
         // Along x: for each strip, at each node, the light of the strip left of the node, its density, and their
         // derivatives by s. Along y the same of a strip's height.
-        let across = |strip: &Strip, n: usize| {
-            let x = low[0] + n as f64 * step;
+        let across = |strip: &Strip, x: f64| {
             let (a, b) = ((x - strip.left) / s, (x - strip.right) / s);
             let by_s = -(a * density(a) - b * density(b)) / s;
             let ([share_a, ramp_a], [share_b, ramp_b]) = (integrals(a), integrals(b));
             [s * (ramp_a - ramp_b), density(a) - density(b), share_a - share_b, by_s]
         };
-        let down = |strip: &Strip, n: usize| {
-            let z = (low[1] + n as f64 * step - strip.y) / s;
+        let down = |strip: &Strip, y: f64| {
+            let z = (y - strip.y) / s;
             let (phi, w) = (density(z), strip.weight);
             [w * distribution(z), -w * z * phi / s, w * phi / s, w * (z * z - 1.0) * phi / (s * s)]
         };
-        let empty = || vec![0.0; nodes[0] * nodes[1]];
-        let [mut integral, mut integral_by_s, mut share, mut share_by_s] = [empty(), empty(), empty(), empty()];
-        for strip in &strips {
-            let columns: Vec<[f64; 4]> = (0..nodes[0]).map(|n| across(strip, n)).collect();
-            for row in 0..nodes[1] {
-                let [up_to, up_to_by_s, here, here_by_s] = down(strip, row);
-                for (column, [sum, sum_by_s, level, level_by_s]) in columns.iter().enumerate() {
-                    let n = row * nodes[0] + column;
-                    integral[n] += up_to * sum;
-                    integral_by_s[n] += up_to_by_s * sum + up_to * sum_by_s;
-                    share[n] += here * level;
-                    share_by_s[n] += here_by_s * level + here * level_by_s;
-                }
-            }
-        }
+        let at_nodes = |axis: usize, of: &dyn Fn(&Strip, f64) -> [f64; 4]| {
+            let numbers = Array2::from_shape_fn((strips.len(), nodes[axis]), |(strip, node)| {
+                of(&strips[strip], low[axis] + node as f64 * step)
+            });
+            [0, 1, 2, 3].map(|n| numbers.mapv(|numbers| numbers[n]))
+        };
+        let [sum, sum_by_s, level, level_by_s] = at_nodes(0, &across);
+        let [up_to, up_to_by_s, here, here_by_s] = at_nodes(1, &down).map(Array2::reversed_axes);
+        let row_by_row = |table: Array2<f64>| table.into_iter().collect();
+        let integral_by_s = row_by_row(up_to_by_s.dot(&sum) + up_to.dot(&sum_by_s));
+        let share_by_s = row_by_row(here_by_s.dot(&level) + here.dot(&level_by_s));
+        let (integral, share) = (row_by_row(up_to.dot(&sum)), row_by_row(here.dot(&level)));
         let share = Spline::new(low, step, nodes, share, share_by_s).quick();
         let integral = Spline::new(low, step, nodes, integral, integral_by_s);
         Self { sigma_mm, share, integral }

@@ -13,6 +13,10 @@ const DEPTH_MM: [f64; 2] = [-6.0, 6.0];
 
 type Pixels = BTreeMap<(u32, u32), [f64; QUANTITIES]>;
 
+fn model_of(camera: &Camera) -> ParticleModel {
+    ParticleModel::new(camera, SIGMA_MM, DEPTH_MM).unwrap()
+}
+
 fn image(model: &ParticleModel, place: [f64; 3]) -> Pixels {
     image_of(model, place, 1.0)
 }
@@ -39,9 +43,9 @@ fn add<const N: usize>(map: &mut Pixels, patch: Patch, pixels: &[[impl Copy + In
 fn each_ray(optics: &Optics, place: [f64; 3], rays: usize, mut each: impl FnMut(DVec2)) -> f64 {
     let mut passed = 0.0;
     // Powers of the root of x^5 = x + 1 spread four coordinates evenly (Roberts' sequence).
-    let g: f64 = 1.167_303_978_261_418_7;
+    let steps = [-1, -2, -3, -4].map(|power| 1.167_303_978_261_418_7f64.powi(power));
     for n in 1..=rays {
-        let r: [f64; 4] = std::array::from_fn(|d| (n as f64 * g.powi(-(d as i32) - 1)).fract());
+        let r = steps.map(|step| (n as f64 * step).fract());
         let u = (DVec2::new(r[0], r[1]) * 2.0 - 1.0) * optics.half_aperture_mm;
         if !optics.passes(u) {
             continue;
@@ -55,16 +59,15 @@ fn each_ray(optics: &Optics, place: [f64; 3], rays: usize, mut each: impl FnMut(
 }
 
 /// Total variation distance between the model's light and the pixels hit by rays, and the noise of this number of rays.
-fn distance_from_rays(camera: &Camera, place: [f64; 3], rays: usize) -> (f64, f64) {
+fn distance_from_rays((camera, model): (&Camera, &ParticleModel), place: [f64; 3], rays: usize) -> (f64, f64) {
     let optics = Optics::new(camera);
-    let model = ParticleModel::new(camera, SIGMA_MM, DEPTH_MM).unwrap();
     let mut hits = BTreeMap::new();
     let passed = each_ray(&optics, place, rays, |hit| {
         if let Some((column, row)) = optics.pixel_at(hit) {
             *hits.entry((column as u32, row as u32)).or_insert(0.0) += 1.0;
         }
     });
-    let model = image(&model, place);
+    let model = image(model, place);
     let lit = model.values().filter(|pixel| pixel[0] > 1e-5).count();
     let mut off = 0.0;
     for (at, pixel) in &model {
@@ -84,26 +87,25 @@ fn blurred_hits(camera: &Camera, place: [f64; 3], rays: usize) -> BTreeMap<(u32,
         let end = |n: i64| bell[(((n as f64 - at) / sigma).clamp(-6.0, 6.0) * 1e3 + 6000.0).round() as usize];
         end(pixel + 1) - end(pixel)
     };
-    let mut hits = BTreeMap::new();
+    let [width, height] = optics.sensor_px;
+    let mut light = vec![0.0; width * height];
     let passed = each_ray(&optics, place, rays, |hit| {
         let hit = optics.place_px(hit).to_array();
         let first = hit.map(|at| at.floor() as i64 - reach);
         let shares = [0, 1].map(|k| (0..=2 * reach).map(|n| share(hit[k], first[k] + n)).collect::<Vec<f64>>());
         for (row, down) in shares[1].iter().enumerate() {
             for (column, across) in shares[0].iter().enumerate() {
-                let at = (first[0] as u32 + column as u32, first[1] as u32 + row as u32);
-                *hits.entry(at).or_insert(0.0) += across * down;
+                light[(first[1] as usize + row) * width + first[0] as usize + column] += across * down;
             }
         }
     });
-    hits.values_mut().for_each(|light| *light /= passed);
-    hits
+    let lit = light.iter().enumerate().filter(|(_, light)| **light > 0.0);
+    lit.map(|(n, light)| (((n % width) as u32, (n / width) as u32), light / passed)).collect()
 }
 
 /// Like [`distance_from_rays`] on a blurred sensor: the larger of the distances of the images in double and in single
 /// precision.
-fn distance_from_blurred_rays(camera: &Camera, place: [f64; 3], rays: usize) -> f64 {
-    let model = ParticleModel::new(camera, SIGMA_MM, DEPTH_MM).unwrap();
+fn distance_from_blurred_rays((camera, model): (&Camera, &ParticleModel), place: [f64; 3], rays: usize) -> f64 {
     let hits = blurred_hits(camera, place, rays);
     let distance = |light: Pixels| {
         let (mut off, mut rest) = (0.0, hits.clone());
@@ -112,7 +114,7 @@ fn distance_from_blurred_rays(camera: &Camera, place: [f64; 3], rays: usize) -> 
         }
         0.5 * (off + rest.values().sum::<f64>())
     };
-    distance(image(&model, place)).max(distance(places(&model, place, 1.0, false)))
+    distance(image(model, place)).max(distance(places(model, place, 1.0, false)))
 }
 
 /// Cameras whose blur is tried: straight rays near and far from the lenslets' focus, a tilted sensor, bent rays.
@@ -139,8 +141,9 @@ fn blurred_light_is_where_rays_fall() {
     for (name, camera) in [0.3, 0.8].into_iter().flat_map(blurred_cameras) {
         // The rays' own noise, far from focus, and the model's error.
         let most = 3.2 / (RAYS as f64).sqrt() + if is_product(&name) { 0.0 } else { 0.012 };
+        let model = model_of(&camera);
         for place in PLACES {
-            let distance = distance_from_blurred_rays(&camera, place, RAYS);
+            let distance = distance_from_blurred_rays((&camera, &model), place, RAYS);
             assert!(distance < most, "{name} {place:?}: {distance:.5}");
         }
     }
@@ -152,8 +155,9 @@ fn blurred_light_is_where_rays_fall() {
 fn blurred_light_behind_a_medium_is_near_that_of_rays() {
     const RAYS: usize = 400_000;
     for (name, camera) in blurred_cameras(0.3).filter(|(name, _)| name.contains("medium")) {
+        let model = model_of(&camera);
         for place in PLACES {
-            let distance = distance_from_blurred_rays(&camera, place, RAYS);
+            let distance = distance_from_blurred_rays((&camera, &model), place, RAYS);
             assert!(distance < 0.005, "{name} {place:?}: {distance:.5}");
         }
     }
@@ -170,9 +174,10 @@ fn blurred_light_behind_a_thick_window_is_near_that_of_rays() {
         camera.medium =
             Some(Medium { index: 1.333, window_z_mm: 180.0, window_thickness_mm: 20.0, window_index: 1.49 });
         camera.blur = Some(Blur { sigma_px: 0.4, wavelength_nm: None });
+        let model = model_of(&camera);
         // In focus, at the caustic, and far.
         for place in [[0.31, 0.21, 0.0], [0.2, -0.15, -0.4], [0.2, -0.15, 2.3], [0.05, 0.13, -4.9]] {
-            let distance = distance_from_blurred_rays(&camera, place, RAYS);
+            let distance = distance_from_blurred_rays((&camera, &model), place, RAYS);
             assert!(distance < 0.01, "{layout:?} {place:?}: {distance:.5}");
         }
     }
@@ -275,8 +280,9 @@ const PLACES: [[f64; 3]; 5] =
 #[test]
 fn light_is_where_rays_fall() {
     for (name, camera) in cameras() {
+        let model = model_of(&camera);
         for place in PLACES {
-            let (distance, noise) = distance_from_rays(&camera, place, 200_000);
+            let (distance, noise) = distance_from_rays((&camera, &model), place, 200_000);
             // Rays bend; each lenslet sees a part that the model takes as straight.
             let most = if is_bent(&camera) { 0.025 } else { 0.01 };
             assert!(distance < noise + most, "{name} {place:?}: {distance:.5}, noise {noise:.5}");
@@ -321,9 +327,10 @@ const ASIDE: [f64; 2] = [1.0, -0.9];
 #[test]
 fn light_is_where_aberrated_rays_fall() {
     for (name, camera) in aberrated() {
+        let model = model_of(&camera);
         for [x, y, z] in PLACES {
             let place = [x + ASIDE[0], y + ASIDE[1], z];
-            let (distance, noise) = distance_from_rays(&camera, place, 200_000);
+            let (distance, noise) = distance_from_rays((&camera, &model), place, 200_000);
             assert!(distance < noise + 0.025, "{name} {place:.2?}: {distance:.5}, noise {noise:.5}");
         }
     }
@@ -346,9 +353,10 @@ fn blurred_light_is_where_aberrated_rays_fall() {
     for (name, mut camera) in aberrated().into_iter().chain([("fast".to_owned(), fast)]) {
         camera.blur = Some(Blur { sigma_px: 0.4, wavelength_nm: None });
         let most = if name == "fast" { 0.038 } else { 0.016 };
+        let model = model_of(&camera);
         for [x, y, z] in PLACES {
             let place = [x + ASIDE[0], y + ASIDE[1], z];
-            let distance = distance_from_blurred_rays(&camera, place, RAYS);
+            let distance = distance_from_blurred_rays((&camera, &model), place, RAYS);
             assert!(distance < most, "{name} {place:.2?}: {distance:.5}");
         }
     }
@@ -366,6 +374,18 @@ fn derivatives_are_those_of_the_light() {
             ParticleModel::new(&camera, sigma, DEPTH_MM).unwrap()
         };
         let middle = model(SIGMA_MM, [0.0; 2]);
+        let step = 1e-6;
+        let mut others = Vec::new();
+        // Where aberrations bend rays by pixels, single pixels at the rim jump with the size, by 1e-3 of the light.
+        if camera.aberrations.is_none() {
+            let sized = |by: f64| model(SIGMA_MM + by, [0.0; 2]);
+            others.push((4, 2e-5, sized(-2e-5), sized(2e-5)));
+        }
+        if camera.centres.is_none() && camera.tilt.is_none() && camera.aberrations.is_none() {
+            let shifted = |x: f64, y: f64| model(SIGMA_MM, [x, y]);
+            others.push((5, step, shifted(-step, 0.0), shifted(step, 0.0)));
+            others.push((6, step, shifted(0.0, -step), shifted(0.0, step)));
+        }
         for place in places {
             let said = image(&middle, place);
             let moved = |axis: usize, by: f64| {
@@ -373,19 +393,11 @@ fn derivatives_are_those_of_the_light() {
                 place[axis] += by;
                 image(&middle, place)
             };
-            let step = 1e-6;
-            let mut pairs: Vec<(usize, f64, Pixels, Pixels)> =
-                (0..3).map(|axis| (axis + 1, step, moved(axis, -step), moved(axis, step))).collect();
-            let sized = |by: f64| image(&model(SIGMA_MM + by, [0.0; 2]), place);
-            // Where aberrations bend rays by pixels, single pixels at the rim jump with the size, by 1e-3 of the light.
-            if camera.aberrations.is_none() {
-                pairs.push((4, 2e-5, sized(-2e-5), sized(2e-5)));
-            }
-            if camera.centres.is_none() && camera.tilt.is_none() && camera.aberrations.is_none() {
-                let shifted = |x: f64, y: f64| image(&model(SIGMA_MM, [x, y]), place);
-                pairs.push((5, step, shifted(-step, 0.0), shifted(step, 0.0)));
-                pairs.push((6, step, shifted(0.0, -step), shifted(0.0, step)));
-            }
+            let by_place = (0..3).map(|axis| (axis + 1, step, moved(axis, -step), moved(axis, step)));
+            let by_model = others
+                .iter()
+                .map(|(quantity, step, before, after)| (*quantity, *step, image(before, place), image(after, place)));
+            let pairs = by_place.chain(by_model);
             for (quantity, step, before, after) in pairs {
                 let (mut off, mut size) = (0.0, 0.0);
                 for (at, pixel) in &said {
@@ -428,7 +440,7 @@ fn places(model: &ParticleModel, place: [f64; 3], size: f64, is_light: bool) -> 
 #[test]
 fn light_alone_is_the_same_light() {
     for (name, camera) in cameras().into_iter().chain(blurred_cameras(0.4)) {
-        let model = ParticleModel::new(&camera, SIGMA_MM, DEPTH_MM).unwrap();
+        let model = model_of(&camera);
         for place in PLACES {
             let (alone, with) = (places(&model, place, 1.0, true), places(&model, place, 1.0, false));
             for (at, pixel) in with {
@@ -449,7 +461,7 @@ fn places_are_those_of_the_slow_twin() {
     let blurred = [0.3, 0.8].into_iter().flat_map(blurred_cameras).chain(aberrated);
     for (name, camera) in cameras().into_iter().chain(blurred) {
         let [most, more] = if is_bent(&camera) { [0.006, 0.06] } else { [0.003, 0.02] };
-        let mut model = ParticleModel::new(&camera, SIGMA_MM, DEPTH_MM).unwrap();
+        let mut model = model_of(&camera);
         model.set_exact(true);
         for (place, size) in PLACES.into_iter().zip([1.0, 0.7, 1.0, 1.5, 1.1]) {
             let (slow, fast) = (image_of(&model, place, size), places(&model, place, size, false));
@@ -489,7 +501,7 @@ fn places_change_as_their_derivatives_say() {
     aberrated.iter_mut().for_each(|(_, camera)| camera.blur = Some(Blur { sigma_px: 0.4, wavelength_nm: None }));
     let blurred = [0.3, 0.8].into_iter().flat_map(blurred_cameras).chain(aberrated);
     for (name, camera) in cameras().into_iter().chain(blurred) {
-        let model = ParticleModel::new(&camera, SIGMA_MM, DEPTH_MM).unwrap();
+        let model = model_of(&camera);
         for (place, size) in PLACES.into_iter().zip([1.0, 0.7, 1.0, 1.5, 1.1]) {
             let found = places(&model, place, size, false);
             for (axis, step) in STEPS_MM.into_iter().enumerate() {
@@ -518,7 +530,7 @@ fn places_change_as_their_derivatives_say() {
 #[test]
 fn light_is_smooth_through_the_focus() {
     for (name, camera) in cameras().into_iter().filter(|(name, _)| name.ends_with("plain")) {
-        let model = ParticleModel::new(&camera, SIGMA_MM, DEPTH_MM).unwrap();
+        let model = model_of(&camera);
         let way = 0.01;
         let mut before = image(&model, [0.31, 0.2, -0.6]);
         for n in 1..=120 {
@@ -554,7 +566,7 @@ fn places_are_those_of_rays() {
     ];
     for (name, mut camera) in cameras {
         camera.blur = Some(Blur { sigma_px: 0.5, wavelength_nm: None });
-        let model = ParticleModel::new(&camera, SIGMA_MM, DEPTH_MM).unwrap();
+        let model = model_of(&camera);
         for z in [-4.0, 4.5] {
             let mut shifts = [[0.0; 3]; 2];
             for n in 0..PARTICLES {
