@@ -115,6 +115,22 @@ fn a_forgotten_background_is_named() {
 }
 
 #[test]
+fn a_white_image_is_named_as_a_frame_and_as_a_background() {
+    for camera in CAMERAS {
+        let folder = rendered(camera, &["particles.per_lenslet=2"]);
+        let is_white = "half of the pixels are at least";
+        assert!(!prune(&folder, "").stderr.contains(is_white), "{camera:?}");
+        folder.run("lf-synth white scene.json -o white.exr --quiet");
+        let other = format!("lf-prune white.exr -c camera.json {REGION} -o support.lfv");
+        assert_warned(&folder.run(&other), &[is_white, "a white image"]);
+        let words = ["the background of -b has", "times the counts of the frame", "no white image"];
+        // Nothing may be left, which is refused.
+        let line = format!("lf-prune frame-0000.exr -c camera.json {REGION} -b white.exr -o support.lfv");
+        assert_warned(&folder.call(&line).run(), &words);
+    }
+}
+
+#[test]
 fn a_few_dark_counts_are_named() {
     let noise = r#"sensor_noise={"dark_counts": 5}"#;
     let folder = rendered(CAMERAS[1], &["particles.per_lenslet=0.5", noise]);

@@ -92,6 +92,16 @@ fn a_mean_and_a_sliding_minimum() {
     bench.refused("background 0a.exr --sliding 4 -o out", &["wanted an odd number from 3 to 1001"]);
 }
 
+#[test]
+fn a_background_of_few_frames_is_warned_of() {
+    let bench = bench();
+    let said = |words: &str| bench.done(&format!("background {words} -o out.exr")).stderr;
+    assert!(said("0a.exr").contains("the background of one frame is the frame itself"));
+    assert!(said("0a.exr 1a.exr").contains("in all 2 frames stays in the background"));
+    assert_eq!(said("0a.exr --mean"), "");
+    assert_eq!(said("0a.exr 1a.exr 2a.exr 3a.exr 0b.exr"), "");
+}
+
 /// A stream of one frame is read once. Pixels that the image of even light does not show are counted.
 #[test]
 fn a_stream_is_corrected_by_an_image_of_even_light() {

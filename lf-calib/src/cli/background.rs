@@ -11,6 +11,8 @@ use std::path::{Path, PathBuf};
 
 /// Bytes of a pixel that a frame takes while it is read.
 const READ_BYTES: f64 = 12.0;
+/// Fewer frames leave light of particles in the background.
+const ENOUGH: usize = 5;
 
 pub fn background(arguments: &BackgroundArguments, session: &mut Session) -> Result<Verdict> {
     let BackgroundArguments { frames, quantile, mean, sliding, haze, camera, reading, output, memory, .. } = arguments;
@@ -61,6 +63,17 @@ pub fn background(arguments: &BackgroundArguments, session: &mut Session) -> Res
     };
     session.count("frames", used);
     session.count("left_out", frames.left_out.len());
+    match used {
+        1 if !mean && haze.is_none() => session.warn(
+            "the background of one frame is the frame itself, particles and all: give many frames, or --mean of frames \
+             without particles",
+        ),
+        2..ENOUGH if !mean && haze.is_none() => session.warn(format!(
+            "light that lies in the same place in all {used} frames stays in the background, that of particles too: \
+             give at least {ENOUGH} frames, or --mean of frames without particles"
+        )),
+        _ => (),
+    }
     let history = session.history(&history);
     session.phase("write", |_| image::save(output, &pixels, &history))?;
     for error in frames.left_out {

@@ -12,6 +12,14 @@ const CLIPPED: f64 = 1e-3;
 /// particle a lenslet without background have less than 0.01. From 0.2, the threshold of lf-prune, no voxel is removed.
 const BRIGHT_DARKNESS: f64 = 0.15;
 
+/// Warn of a white image if half of the pixels have this share of the light's brightness, and a thousandth of them less
+/// than the ratio times that. White images have 1.0 and a ratio of 1.1; particles on a background have a larger one.
+const WHITE: f64 = 0.75;
+const WHITE_RATIO: f64 = 2.0;
+
+/// Warn of a background with more counts than this share of the frame's: a dark image has fewer than its frame.
+const TOO_BRIGHT: f64 = 1.05;
+
 /// Warn of dark counts if no background is subtracted and the darkest hundredth of the pixels exceeds this share of the
 /// light's brightness. Frames without dark counts have 0, at up to three particles a lenslet. With 10 dark counts and a
 /// read noise of 3 it is 0.004 at one particle a lenslet, 0.012 at a tenth.
@@ -42,8 +50,21 @@ impl Session {
                  settings, and do not set pixels below a background to 0"
             ));
         }
-        let darkness = tones.dark / tones.light.max(f64::MIN_POSITIVE);
-        if darkness >= BRIGHT_DARKNESS {
+        if let Some(share) = frame.background_share.filter(|share| *share > TOO_BRIGHT) {
+            self.warn(format!(
+                "the background of -b has {share:.1} times the counts of the frame: it is brighter than what it is \
+                 subtracted from; give a dark image, or what lf-calib background makes of frames, and no white image"
+            ));
+        }
+        let [middle, darkness] =
+            [tones.middle, tones.dark].map(|brightness| brightness / tones.light.max(f64::MIN_POSITIVE));
+        if middle >= WHITE && tones.bright < WHITE_RATIO * tones.middle {
+            self.warn(format!(
+                "half of the pixels are at least {:.0} % as bright as the light, and few are brighter: a white image, or \
+                 a background without particles; give a frame of particles",
+                100.0 * middle
+            ));
+        } else if darkness >= BRIGHT_DARKNESS {
             let remedy = if has_background {
                 "the background of -b is not that of this frame; make one from frames of the same run with lf-calib \
                  background"

@@ -62,6 +62,8 @@ pub struct Frame {
     pub clipped: Option<(f32, f64)>,
     /// Its black level, if it was clipped when the frame was taken.
     pub black: Option<ClippedBlack>,
+    /// Counts of the background over those of the frame.
+    pub background_share: Option<f64>,
 }
 
 /// Reads a frame, subtracts the background, sets negative results to 0, and divides by the flat field
@@ -111,8 +113,11 @@ fn read_frame(
     if let Some(black) = black.filter(|_| is_signed) {
         black.unclip(&mut image.pixels);
     }
+    let mut background_share = None;
     if let Some(file) = files.background {
         let dark = like("background", file, path, &image, channel)?;
+        let sum = |pixels: &Array2<f32>| pixels.iter().filter(|v| v.is_finite()).map(|v| f64::from(*v)).sum::<f64>();
+        background_share = Some(sum(&dark) / sum(&image.pixels).max(f64::MIN_POSITIVE));
         image.pixels -= &dark;
     }
     if !is_signed {
@@ -122,7 +127,7 @@ fn read_frame(
         let flat = like("flat field", &file, path, &image, channel)?;
         image.pixels.zip_mut_with(&flat, |pixel, flat| *pixel = if *flat < BLIND { f32::NAN } else { *pixel / flat });
     }
-    Ok(Frame { pixels: image.pixels, history: image.history, clipped, black })
+    Ok(Frame { pixels: image.pixels, history: image.history, clipped, black, background_share })
 }
 
 /// Pixels of `file`, which must be as large as the frame; `what` names it in the message.

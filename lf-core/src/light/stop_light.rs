@@ -83,7 +83,7 @@ mod tests {
             image[[140, 140]] = 5e6;
             image[[3, 3]] = f32::NAN;
             let light = 50.0;
-            let tones = Tones { light, dark: 0.0, darkest: 0.0, peak: 5e6 };
+            let tones = Tones { light, bright: 5e6, middle: 0.0, dark: 0.0, darkest: 0.0, peak: 5e6 };
             let places = [(0.0, -30.0), (30.0, -15.0), (0.0, 30.0), (30.0, 15.0)].map(DVec2::from);
             let StopLight { means: found, samples } = StopLight::new(image.view(), &camera, &tones, &places);
             assert!((100.0..=400.0).contains(&samples), "{samples}");
