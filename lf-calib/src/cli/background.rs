@@ -104,8 +104,7 @@ fn haze_of(
     let found = session.phase("haze", |_| {
         haze(&pixels, &image.pixels, camera.pitch_px(), reach).map_err(|refusal| refusal.about(io::name(white)))
     })?;
-    let sum = |image: &Array2<f32>| image.iter().filter(|v| v.is_finite()).map(|v| f64::from(*v)).sum::<f64>();
-    let light = sum(&found.pixels) / sum(&pixels);
+    let light = image::all_counts(&found.pixels) / image::all_counts(&pixels);
     session.explain(format!(
         "haze: {:.3} of the white image on {:.1} counts, {:.0} % of the light; {} rounds",
         found.share,

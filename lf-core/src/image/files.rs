@@ -116,8 +116,7 @@ fn read_frame(
     let mut background_share = None;
     if let Some(file) = files.background {
         let dark = like("background", file, path, &image, channel)?;
-        let sum = |pixels: &Array2<f32>| pixels.iter().filter(|v| v.is_finite()).map(|v| f64::from(*v)).sum::<f64>();
-        background_share = Some(sum(&dark) / sum(&image.pixels).max(f64::MIN_POSITIVE));
+        background_share = Some(all_counts(&dark) / all_counts(&image.pixels).max(f64::MIN_POSITIVE));
         image.pixels -= &dark;
     }
     if !is_signed {
@@ -128,6 +127,11 @@ fn read_frame(
         image.pixels.zip_mut_with(&flat, |pixel, flat| *pixel = if *flat < BLIND { f32::NAN } else { *pixel / flat });
     }
     Ok(Frame { pixels: image.pixels, history: image.history, clipped, black, background_share })
+}
+
+/// The sum of an image's finite pixels.
+pub fn all_counts(pixels: &Array2<f32>) -> f64 {
+    pixels.iter().filter(|value| value.is_finite()).map(|value| f64::from(*value)).sum()
 }
 
 /// Pixels of `file`, which must be as large as the frame; `what` names it in the message.

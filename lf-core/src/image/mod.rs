@@ -42,7 +42,7 @@ pub use clipped::clipped_share;
 pub use decode::Image;
 pub(crate) use decode::guarded;
 pub use files::{
-    BLIND, Frame, FrameFiles, frames, open, open_counts, open_frame, open_signed_frame, outside_u16, save,
+    BLIND, Frame, FrameFiles, all_counts, frames, open, open_counts, open_frame, open_signed_frame, outside_u16, save,
 };
 pub use noise::noise;
 pub use png::{picture, picture_colour};
