@@ -19,6 +19,7 @@ mod physics;
 mod presets;
 mod routes;
 mod scenes;
+mod second_stop;
 mod swapped;
 mod tiles;
 mod weather;

@@ -139,8 +139,11 @@ fn a_mistake_is_one_line() {
         "invalid value 'x' for '--threads <N>': wanted a whole number of 0 or more; see 'lf-tool --help'",
     );
     refused(&["no", "--threads", "1025"], "--threads: 1025; wanted at most 1024; see 'lf-tool --help'");
-    refused(&["no", "--threads", "-1,2"], "--threads: -1,2; wanted a number of 0 or more; see 'lf-tool --help'");
-    refused(&["no", "--threads", "-1"], "--threads: -1; wanted a number of 0 or more; see 'lf-tool --help'");
+    refused(
+        &["no", "--threads", "-1,2"],
+        "--threads: -1,2; wanted a number that is not negative; see 'lf-tool --help'",
+    );
+    refused(&["no", "--threads", "-1"], "--threads: -1; wanted a number that is not negative; see 'lf-tool --help'");
     let (code, _, err) = run(&["no", "--quiet", "-1"]);
     assert!(code == 2 && err.starts_with("lf-tool: unexpected argument '-1' found"), "{err}");
     let (code, _, err) = run(&["no", "--stat", "x"]);

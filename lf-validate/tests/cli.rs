@@ -555,6 +555,8 @@ fn particles_by_hand_and_what_is_refused() {
     assert!((score["rms_z_px"].as_f64().unwrap() - 0.5f64.sqrt()).abs() < 1e-6, "{score}");
     assert_eq!([&score["within_1_z"], &score["within_2_z"]], [&Value::from(0.5), &Value::from(1.0)]);
     assert_eq!(score["by_depth"][4]["truth"], 3);
+    let none = run(&["particles", "-c", &camera, "--frame", "1"], &[&truth, &found]);
+    assert!(none.stderr.contains("no particle matches a true one: check --frame"), "{}", none.stderr);
     let code = |words: &[&str]| run(&[&["particles", "-c", &camera], words].concat(), &[&truth, &found]).status.code();
     assert_eq!([code(&["--min-recall", "0.6"]), code(&["--min-recall", "0.7"])], [Some(0), Some(1)]);
     assert_eq!([code(&["--max-ghosts", "0.4"]), code(&["--max-rms", "1,1,0.5"])], [Some(0), Some(1)]);

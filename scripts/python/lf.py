@@ -353,8 +353,8 @@ def read_frame(
     mask: Path | None = None,
 ) -> tuple[np.ndarray, list]:
     """An image of the camera's size, minus a background, divided by the camera's flat field; and its history. Negative
-    values become 0. A pixel that sees less than a twentieth of the flat field's light is NaN, and so is one where the
-    mask is 0, as in lf-core."""
+    values become 0. A pixel that sees less than a twentieth of the flat field's light is NaN, and so is one that the
+    camera's second stop cuts or where the mask is 0, as in lf-core."""
 
     def sized(file):
         counts, history = read_image(file, channel)
@@ -370,6 +370,8 @@ def read_frame(
     if camera.flat_field is not None:
         flat = sized(camera.flat_field)[0]
         counts = np.where(flat < 0.05, np.float32(np.nan), counts / np.maximum(flat, np.float32(0.05)))
+    if camera.second_stop is not None:
+        counts = np.where(camera.is_cut(), np.float32(np.nan), counts)
     if mask is not None:
         counts = np.where(sized(mask)[0] > 0, counts, np.float32(np.nan))
     return counts, history
@@ -421,9 +423,14 @@ def read_netcdf(path: Path) -> tuple[dict, dict[str, np.ndarray]]:
     module("scipy", "to read NetCDF")
     from scipy.io import netcdf_file
 
-    with netcdf_file(path, mmap=False) as file:
-        values = {name: np.array(file.variables[name].data) for name in FIELD_UNITS}
-        return json.loads(file.lf_field), {name: array.astype(np.float32) for name, array in values.items()}
+    try:
+        with netcdf_file(path, mmap=False) as file:
+            values = {name: np.array(file.variables[name].data, np.float32) for name in FIELD_UNITS}
+            return json.loads(file.lf_field), values
+    except OSError as error:
+        raise Refused(f"{path}: {error.strerror or error}; wanted a NetCDF to read") from None
+    except (TypeError, ValueError, KeyError, AttributeError) as error:
+        raise Refused(f"{path}: {error}; wanted a field that lf-validate export wrote") from None
 
 
 def read_stack(path: Path) -> np.ndarray:
@@ -570,8 +577,8 @@ def show(what: Any, where: str = "z") -> Any:
 
     A field is one slice: arrows are the displacement in the slice, replaced vectors grey, and colour is the component
     across it. `where` is the normal of the slice, `z`, or with a place in mm, `y=0.5`; without a place it is the middle
-    one. A volume is its brightest voxels along `where`. A table of particles is seen along z; colour is depth. An image
-    is grey, from black for no counts to white for all but the brightest thousandth."""
+    one. A volume is its brightest voxels along `where`. A table of particles or vectors is seen along z; colour is depth.
+    An image is grey, from black for no counts to white for all but the brightest thousandth."""
     module("matplotlib", "to draw")
     from matplotlib import pyplot
 
@@ -588,8 +595,13 @@ def show(what: Any, where: str = "z") -> Any:
         view.set(xlabel="column, px", ylabel="row, px")
     elif "x_mm" in data:
         x, y, z = (np.asarray(data[key]) for key in ("x_mm", "y_mm", "z_mm"))
-        figure.colorbar(view.scatter(x, y, c=z, s=4, cmap="viridis"), label="z, mm")
-        view.set(xlabel="x, mm", ylabel="y, mm", aspect="equal", title=f"{len(x)} particles")
+        if "u_mm" in data:
+            u, v = (np.asarray(data[key]) for key in ("u_mm", "v_mm"))
+            figure.colorbar(view.quiver(x, y, u, v, z, cmap="viridis", width=0.003), label="z, mm")
+        else:
+            figure.colorbar(view.scatter(x, y, c=z, s=4, cmap="viridis"), label="z, mm")
+        view.set(xlabel="x, mm", ylabel="y, mm", aspect="equal")
+        view.set_title(f"{len(x)} {'vectors' if 'u_mm' in data else 'particles'}, seen along z", fontsize=10)
     else:
         axes = [np.asarray(data[key]) for key in "xyz"]
         _draw_slice(view, _parts(data)[0], axes, "xyz".index(name), float(place) if place else None)
@@ -614,6 +626,9 @@ def _draw_slice(view, values, places, normal, wanted):
         view.set_title(f"brightest voxels along {'xyz'[normal]}", fontsize=10)
         return
     count = len(places[normal])
+    low, high = places[normal].min(), places[normal].max()
+    if wanted is not None and not low - 1e-6 <= wanted <= high + 1e-6:
+        raise Refused(f"no layer at {'xyz'[normal]} = {wanted:g} mm; wanted a place from {low:.4g} to {high:.4g} mm")
     nearest = np.abs(places[normal] - wanted).argmin() if wanted is not None else count // 2
     title = f"{'xyz'[normal]} = {places[normal][nearest]:.3g} mm"
 
@@ -650,7 +665,7 @@ class Camera:
     LEAST_COSINE2 = 0.05  # For rays before a telecentric lens.
     FARTHEST = 1.5  # Radii beyond which the departure of the lenslets stays constant.
     BLOCKS = {"frame", "sensor", "main_lens", "microlenses", "distortion", "tilt", "medium", "blur", "sensor_noise"}
-    BLOCKS |= {"aberrations", "centres", "vignetting", "pose", "calibration"}
+    BLOCKS |= {"aberrations", "centres", "second_stop", "vignetting", "pose", "calibration"}
 
     def __init__(self, path):
         try:
@@ -687,6 +702,7 @@ class Camera:
             names = ("spherical_px", "secondary_spherical_px", "coma_px", "coma_px_per_mm", "astigmatism_px", "field_curvature_px")
             self.aberrations_mm = [terms.get(name, 0) * self.pixel_mm for name in names]
             self.medium, self.centres = given.get("medium"), given.get("centres")
+            self.second_stop, self.blur = given.get("second_stop"), given.get("blur", {})
             if self.medium is not None:
                 self.window_z_mm, self.medium_index = self.medium["window_z_mm"], self.medium["index"]
                 self.window = self.medium.get("window_thickness_mm", 0), self.medium.get("window_index", 1)
@@ -705,6 +721,43 @@ class Camera:
         x0, x1, y0, y1 = sides_mm or (-half_x, half_x, -half_y, half_y)
         spacing_mm = [n * self.pixel_mm / self.magnification for n in pixels_per_voxel]
         return Grid.in_bounds([(x0, x1), (y0, y1), depth_mm], spacing_mm)
+
+    def is_cut(self) -> np.ndarray:
+        """Whether the second stop leaves a pixel no light of the main stop, or a part of it: (height, width), bool."""
+        stop, (width, height) = self.second_stop, self.sensor_px
+        unit = (self.blur.get("wavelength_nm") or 0) * 1e-6 * self.gap_mm / self.pixel_mm / self.pitch_mm
+        near = 0.3 + np.hypot(self.blur.get("sigma_px", 0), (0.40 if self.is_hexagonal else 0.36) * unit)
+        half = 0.5 * self.demagnification * self.aperture_mm / self.pixel_mm
+        column, row = np.arange(width) + 0.5 - 0.5 * width, np.arange(height)[:, None] + 0.5 - 0.5 * height
+        column, row = np.broadcast_arrays(column, row)
+        # The nearest lenslet image and its neighbours, whose images may overlap.
+        cut = np.zeros((height, width), bool)
+        step = self.pitch_mm * np.exp(1j * (self.rotation_rad + np.arange(6) * np.pi / (3 if self.is_hexagonal else 2)))
+        for x, y in [(0.0, 0.0), *((one.real, one.imag) for one in step[: 6 if self.is_hexagonal else 4])]:
+            growth = 1 + self.demagnification * self.pupil_ratio
+            centre = self.centre_mm(column * self.pixel_mm / growth + x, row * self.pixel_mm / growth + y)
+            image = [growth * c / self.pixel_mm for c in centre]
+            dx, dy = column - image[0], row - image[1]
+            middle = [a + stop["slope"] * i for a, i in zip(stop.get("aside_px", (0, 0)), image)]
+            cut |= self._cuts(middle, 0.5 * stop["diameter_px"], half, (dx, dy), near)
+        return cut
+
+    def _cuts(self, middle, radius, half, place, near):
+        """Whether a disc takes light of the main stop from within `near` of a place, all px from the middle of a lenslet
+        image; as `Disc::cuts` of lf-core."""
+        away, angle = np.hypot(*place), np.arctan2(place[1], place[0])
+        wide = np.where(away > near, np.arcsin(np.minimum(near / np.maximum(away, 1e-9), 1)), np.pi)
+        cut = np.zeros(away.shape, bool)
+        for turn in (wide * part for part in np.linspace(-1, 1, 9)):
+            along, across = away * np.cos(turn), away * np.sin(turn)
+            x, y = np.cos(angle + turn), np.sin(angle + turn)
+            beside = middle[0] * y - middle[1] * x
+            second = middle[0] * x + middle[1] * y + np.sqrt(np.maximum(radius**2 - beside**2, 0))
+            second = np.where((np.hypot(*middle) >= radius) | (radius**2 <= beside**2), 0, second)
+            main = half if self.is_round else half / np.maximum(abs(x), abs(y))
+            chord = np.sqrt(np.maximum(near**2 - across**2, 0))
+            cut |= (second < main) & (along + chord > second) & (along - chord < main)
+        return cut & (np.hypot(place[0] - middle[0], place[1] - middle[1]) > radius - near)
 
     def sections_mm(self, finer: int = 1) -> np.ndarray:
         """Centres (U, V) of the aperture's sections inside the stop, mm: (sections, 2). A side has as many sections as

@@ -174,7 +174,7 @@ fn report(lattice: &ImageLattice, calibrated: &Calibrated, nominal: &Camera, is_
     if let Some(stop) = &lattice.second_stop {
         session.explain(format!(
             "a second stop cuts into the lenslet images: a disc of {:.2} px that moves by {:.5} px for each px from the \
-             middle; only pixels that it cannot touch are read",
+             middle; only pixels that it cannot touch are read, here and later",
             stop.diameter_px, stop.slope
         ));
     }

@@ -5,6 +5,8 @@ use nalgebra::{Matrix4, Vector4};
 
 /// Smallest number of pixels that determines the four unknowns with some to spare.
 const FEWEST_PIXELS: f64 = 6.0;
+/// Nothing is left of a pixel's noise that the fit follows by more than this share.
+const MOST_FOLLOWED: f64 = 0.95;
 
 /// Sums over pixels for one step.
 #[derive(Default)]
@@ -16,11 +18,16 @@ pub(crate) struct PlaceSums {
     squares: f64,
 }
 
+/// Derivatives of a pixel by the floor, the gain and the place times the gain.
+fn derivatives(value: f64, slope: DVec2) -> [f64; 4] {
+    [1.0, value, -slope.x, -slope.y]
+}
+
 impl PlaceSums {
     /// Adds a pixel, where the profile has this value and slope.
     #[inline]
     pub fn add(&mut self, value: f64, slope: DVec2, pixel: f64) {
-        let line = [1.0, value, -slope.x, -slope.y];
+        let line = derivatives(value, slope);
         for a in 0..4 {
             for b in 0..=a {
                 self.normal[(a, b)] += line[a] * line[b];
@@ -54,6 +61,20 @@ pub(crate) struct PlaceFit {
     pub scatter: f64,
     /// Share of the pixels' variance that the fit explains.
     pub explained: f64,
+    inverse: Matrix4<f64>,
+}
+
+impl PlaceFit {
+    /// The part of a pixel in the variance of a coordinate of the place, px^2, by its own departure from the fit. The
+    /// sum over the pixels holds where some are noisier than others; `spread_px` and `scatter` take them to be alike.
+    pub fn own_variance_px2(&self, value: f64, slope: DVec2, pixel: f64) -> f64 {
+        let line = Vector4::from(derivatives(value, slope));
+        let effect = self.inverse * line;
+        // The fit follows a pixel by this share, and leaves the rest of its noise.
+        let followed = line.dot(&effect).min(MOST_FOLLOWED);
+        let left = pixel - self.floor - self.gain * value;
+        0.5 * (effect[2].powi(2) + effect[3].powi(2)) / self.gain.powi(2) * left * left / (1.0 - followed)
+    }
 }
 
 /// Fits from a place. `sums_at` gives the sums over the pixels with the profile at a place. None if there are too few
@@ -91,6 +112,7 @@ pub(crate) fn fit_place(
                 spread_px: f64::sqrt(0.5 * (inverse[(2, 2)] + inverse[(3, 3)])) / gain,
                 scatter: (left.max(0.0) / (count - 4.0)).sqrt(),
                 explained: if variance > 0.0 { 1.0 - left / variance } else { 0.0 },
+                inverse,
             });
         }
     }

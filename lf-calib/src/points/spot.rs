@@ -2,7 +2,7 @@
 //! between light cut off by a narrow window and noise let in by a wide one. A fit of the profile does neither.
 
 use super::spot_profile::SpotProfile;
-use crate::fit::placement::{PlaceFit, PlaceSums, StepLimits, fit_place};
+use crate::fit::placement::{PlaceSums, StepLimits, fit_place};
 use glam::DVec2;
 use ndarray::{ArrayView2, s};
 use std::ops::Range;
@@ -18,8 +18,11 @@ const LOOK_PX: f64 = 2.0;
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct SpotFit {
     pub place_px: DVec2,
-    /// Standard uncertainty of each coordinate, px, from the residuals of the pixels.
+    /// Standard uncertainty of each coordinate, px, from the residuals of the pixels if their noise is alike.
     pub uncertainty_px: f64,
+    /// The uncertainty from the residual of each pixel by itself, px: right also where light brings noise, as photons
+    /// do, but itself less certain.
+    pub by_pixel_px: f64,
     pub light: f64,
     pub explained: f64,
 }
@@ -75,31 +78,43 @@ pub(crate) fn fit(image: ArrayView2<f32>, profile: SpotProfile, from_px: DVec2, 
     let (rows, columns) = (within(from_px.y, reach, image.nrows())?, within(from_px.x, reach, image.ncols())?);
     let longest_px = 0.5 * profile.deviation_px();
     let limits = StepLimits { steps: STEPS, longest_px, small_px: SMALL_STEP_PX, farthest_px };
-    let found = fit_place(from_px, &limits, |place| sums(image, profile, place, rows.clone(), columns.clone()))?;
-    let PlaceFit { place_px, gain, spread_px, scatter, explained, .. } = found;
-    Some(SpotFit { place_px, uncertainty_px: spread_px * scatter, light: gain, explained })
+    let found = fit_place(from_px, &limits, |place| {
+        let mut sums = PlaceSums::default();
+        each_pixel(image, profile, place, [&rows, &columns], |value, slope, pixel| sums.add(value, slope, pixel));
+        sums
+    })?;
+    let mut variance_px2 = 0.0;
+    each_pixel(image, profile, found.place_px, [&rows, &columns], |value, slope, pixel| {
+        variance_px2 += found.own_variance_px2(value, slope, pixel);
+    });
+    Some(SpotFit {
+        place_px: found.place_px,
+        uncertainty_px: found.spread_px * found.scatter,
+        by_pixel_px: variance_px2.sqrt(),
+        light: found.gain,
+        explained: found.explained,
+    })
 }
 
-/// Sums over the pixels of some rows and columns with a spot at a place. Leaves out pixels that are not finite.
-fn sums(
+/// Gives value and slope of a spot at a place, and the count, for each pixel of some rows and columns. Leaves out
+/// pixels that are not finite.
+fn each_pixel(
     image: ArrayView2<f32>,
     profile: SpotProfile,
     place: DVec2,
-    rows: Range<usize>,
-    columns: Range<usize>,
-) -> PlaceSums {
+    [rows, columns]: [&Range<usize>; 2],
+    mut take: impl FnMut(f64, DVec2, f64),
+) {
     let along: Vec<(f64, f64)> = columns.clone().map(|column| profile.share(column as f64 + 0.5 - place.x)).collect();
-    let mut sums = PlaceSums::default();
-    for row in rows {
+    for row in rows.clone() {
         let (across, across_slope) = profile.share(row as f64 + 0.5 - place.y);
         for (column, (value, slope)) in columns.clone().zip(&along) {
             let pixel = f64::from(image[(row, column)]);
             if pixel.is_finite() {
-                sums.add(value * across, DVec2::new(slope * across, value * across_slope), pixel);
+                take(value * across, DVec2::new(slope * across, value * across_slope), pixel);
             }
         }
     }
-    sums
 }
 
 #[cfg(test)]
@@ -152,18 +167,28 @@ mod tests {
     #[test]
     fn the_stated_uncertainty_is_the_effect_of_noise() {
         let shape = SpotProfile { width_px: 1.5, disc_px: 0.3, sigma_px: 0.0 };
-        let (mut square, mut stated) = (0.0, 0.0);
         const SPOTS: usize = 400;
-        let mut state = 5u64;
-        for n in 0..SPOTS {
-            let place = DVec2::new(8.0 + (n % 20) as f64 / 20.0, 8.0 + (n / 20) as f64 / 20.0);
-            let image = spot(place, 1.5, 0.6, 1000.0).mapv(|v| v + (12.0 * normal(&mut state)) as f32 + 40.0);
-            let found = fit(image.view(), shape, place, 2.0).unwrap();
-            square += found.place_px.distance_squared(place) / 2.0;
-            stated += found.uncertainty_px.powi(2);
+        // Noise of each pixel alike, and that of 3 photons a count.
+        for (read, photons, alike) in [(12.0, 0.0, true), (1.0, 3.0, false)] {
+            let (mut square, mut stated, mut by_pixel) = (0.0, 0.0, 0.0);
+            let mut state = 5u64;
+            for n in 0..SPOTS {
+                let place = DVec2::new(8.0 + (n % 20) as f64 / 20.0, 8.0 + (n / 20) as f64 / 20.0);
+                let mut noisy = |v: f32| {
+                    let sigma = f64::hypot(read, (photons * f64::from(v)).sqrt());
+                    v + (sigma * normal(&mut state)) as f32 + 40.0
+                };
+                let image = spot(place, 1.5, 0.6, 1000.0).mapv(&mut noisy);
+                let found = fit(image.view(), shape, place, 2.0).unwrap();
+                square += found.place_px.distance_squared(place) / 2.0;
+                stated += found.uncertainty_px.powi(2);
+                by_pixel += found.by_pixel_px.powi(2);
+            }
+            let [ratio, of_pixels] = [stated, by_pixel].map(|stated: f64| (square / stated).sqrt());
+            println!("noise alike: {alike}: error over uncertainty {ratio:.3}, by pixel {of_pixels:.3}");
+            assert!((0.85..1.2).contains(&of_pixels), "{of_pixels}");
+            assert_eq!((0.85..1.15).contains(&ratio), alike, "{ratio}");
         }
-        let ratio = (square / stated).sqrt();
-        assert!((0.85..1.15).contains(&ratio), "{ratio}");
     }
 
     #[test]

@@ -1,6 +1,8 @@
 //! The sub-images of a point: read from an image under every lenslet that the point lights as a whole.
 
-use super::{spot, spot_profile::SpotProfile, view::LitLenslet, view::PointView, view::cell_variance_mm2};
+use super::{
+    spot, spot::SpotFit, spot_profile::SpotProfile, view::LitLenslet, view::PointView, view::cell_variance_mm2,
+};
 use glam::{DVec2, DVec3};
 use lf_core::Optics;
 use ndarray::ArrayView2;
@@ -55,12 +57,17 @@ pub(crate) fn measure(
         let is_good = fit.explained > LEAST_EXPLAINED
             && fit.uncertainty_px < LEAST_KNOWN_PX
             && fit.place_px.distance(lit.place_px) <= farthest_px;
-        is_good.then(|| SubImage {
-            lenslet: lit.lenslet,
-            place_px: fit.place_px,
-            uncertainty_px: fit.uncertainty_px.hypot(sampling_px * std::f64::consts::FRAC_1_SQRT_2),
-            sampling_px,
-        })
+        is_good.then_some((lit.lenslet, fit))
     };
-    view.lit_lenslets(SHARE, 2.0 * blur.object_mm).iter().filter_map(read).collect()
+    let fits: Vec<_> = view.lit_lenslets(SHARE, 2.0 * blur.object_mm).iter().filter_map(read).collect();
+    // All sub-images of a point are about as bright, so that photons add as much noise to each.
+    let sum = |of: fn(&SpotFit) -> f64| fits.iter().map(|(_, fit)| of(fit).powi(2)).sum::<f64>();
+    let times = (sum(|fit| fit.by_pixel_px) / sum(|fit| fit.uncertainty_px).max(f64::MIN_POSITIVE)).sqrt();
+    let sub_image = |(lenslet, fit): &((i64, i64), SpotFit)| SubImage {
+        lenslet: *lenslet,
+        place_px: fit.place_px,
+        uncertainty_px: (times * fit.uncertainty_px).hypot(sampling_px * std::f64::consts::FRAC_1_SQRT_2),
+        sampling_px,
+    };
+    fits.iter().map(sub_image).collect()
 }

@@ -102,6 +102,7 @@ pub fn calibrate(lattice: &ImageLattice, nominal: &Camera, keep: Keep) -> Result
         fill.with_stop(&mut camera);
     }
     camera.centres = departure.centres;
+    camera.second_stop = lattice.second_stop;
     camera
         .check()
         .map_err(|refusal| Refusal::new(refusal.found, "wanted lenslets near one square or hexagonal lattice"))?;
@@ -200,9 +201,6 @@ fn measured(
     px_mm: f64,
 ) -> Value {
     let fill = calibrated.fill;
-    let second_stop = lattice
-        .second_stop
-        .map(|stop| json!({"diameter_px": stop.diameter_px, "drift_px_per_px": stop.slope, "aside_px": stop.aside_px}));
     json!({
         "layout": lattice.layout,
         "image_pitch_px": lattice.pitch_px,
@@ -220,7 +218,6 @@ fn measured(
         "fill": fill.map(|fill| fill.measured_px / fill.pitch_px),
         "working_f_number": fill.map(|fill| fill.f_number()),
         "nominal_working_f_number": nominal.main_lens.working_f_number,
-        "second_stop": second_stop,
         "nominal_demagnification": nominal.demagnification(),
         "pupil_distance_mm": calibrated.pitch.pupil.map(|pupil| pupil.distance_mm),
         "standard_uncertainty": {

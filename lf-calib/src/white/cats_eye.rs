@@ -13,7 +13,7 @@
 use super::{mean_cell::MeanCell, rim::rim_px};
 use crate::fit::{polynomial::outer, search::Search};
 use glam::{DMat2, DVec2};
-use lf_core::statistics::ranked;
+use lf_core::{camera::Disc, statistics::ranked};
 use nalgebra::DVector;
 
 /// Directions in which the rim is searched, and fewest of them that show a rim.
@@ -60,13 +60,6 @@ pub(crate) struct TwoStops {
     pub second_px: f64,
     pub slope: f64,
     pub aside_px: DVec2,
-}
-
-/// Distance from the origin to the rim of a disc in a direction; 0 if the ray misses the disc.
-fn reach(centre: DVec2, radius: f64, direction: DVec2) -> f64 {
-    let across = centre.perp_dot(direction);
-    let half = radius * radius - across * across;
-    if half > 0.0 { centre.dot(direction) + half.sqrt() } else { 0.0 }
 }
 
 impl TwoStops {
@@ -131,6 +124,8 @@ impl TwoStops {
     /// Sum of squares of the misfit of a region's rim, with both discs moved together to where they fit best.
     fn squares_left(&self, region: &RegionRim) -> f64 {
         let second = self.displacement_px(region.place_px);
+        let reach =
+            |middle_px: DVec2, radius_px: f64, direction: DVec2| Disc { middle_px, radius_px }.reach_px(direction);
         let off = |moved: DVec2, (direction, rim): (DVec2, f64)| {
             let main = reach(moved, self.main_px, direction);
             let cut = reach(moved + second, self.second_px, direction);
@@ -191,31 +186,29 @@ impl TwoStops {
     }
 }
 
-/// A pixel must be this far inside the second disc, or outside the main one, px: half its diagonal, and a margin.
-const INSIDE_PX: f64 = 1.2;
-const OUTSIDE_PX: f64 = 0.9;
+/// Light that the second disc takes away has not reached a pixel that is this far from it, px: half its diagonal, and a
+/// margin for the blur.
+const NEAR_PX: f64 = 1.2;
 
 /// The pixels around one lenslet image that the second stop cannot have touched.
 pub(crate) struct Untouched {
     lenslets: Vec<DVec2>,
-    displacement_px: DVec2,
+    second: Disc,
     main_px: f64,
-    second_px: f64,
 }
 
 impl Untouched {
     /// For the lenslet imaged at `place_px` from the frame's middle. None if no pixel is touched.
     pub fn under(stops: &TwoStops, place_px: DVec2, basis_px: DMat2) -> Option<Self> {
-        let displacement_px = stops.displacement_px(place_px);
-        if stops.cut_px(place_px) + OUTSIDE_PX + INSIDE_PX < 0.0 {
+        // Neighbours are cut like this lenslet.
+        if stops.cut_px(place_px) < 0.0 {
             return None;
         }
         let steps = (-1..=1).flat_map(|n| (-1..=1).map(move |m| DVec2::new(m as f64, n as f64)));
         Some(Self {
             lenslets: steps.map(|step| basis_px * step).collect(),
-            displacement_px,
-            main_px: stops.main_px + OUTSIDE_PX,
-            second_px: (stops.second_px - INSIDE_PX).max(0.0),
+            second: Disc { middle_px: stops.displacement_px(place_px), radius_px: stops.second_px },
+            main_px: stops.main_px,
         })
     }
 
@@ -224,8 +217,7 @@ impl Untouched {
     pub fn holds(&self, offset_px: DVec2) -> bool {
         self.lenslets.iter().all(|lenslet| {
             let from = offset_px - *lenslet;
-            from.length_squared() > self.main_px * self.main_px
-                || (from - self.displacement_px).length_squared() < self.second_px * self.second_px
+            from.length() > self.main_px + NEAR_PX || !self.second.cuts(|_| self.main_px, from, NEAR_PX)
         })
     }
 }

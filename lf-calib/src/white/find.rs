@@ -2,12 +2,12 @@
 
 use super::basis::{layout_of, shortest, unit_basis};
 use super::followed::{FEWEST, FollowedLattice, few};
-use super::image_lattice::{Centre, ImageLattice, SecondStop};
+use super::image_lattice::{Centre, ImageLattice};
 use super::{follow::follow, lenslet_fit::window, perfect_lattice::PerfectLattice, period, stop_width::stop_width};
 use crate::fit::polynomial::{Polynomial, TiePoint, middle_px};
 use crate::fit::robust::{chosen, without_outliers};
 use glam::{DMat2, DVec2};
-use lf_core::{Refusal, camera::Aperture, camera::Layout};
+use lf_core::{Refusal, camera::Aperture, camera::Layout, camera::SecondStop};
 use ndarray::Array2;
 
 /// Smallest share of the lenslets in the frame that must follow the lattice.

@@ -1,21 +1,23 @@
 //! The flat field: the counts of each pixel over the counts that it should have.
 //!
-//! It is the white image divided by a prediction for an evenly lit stop: the share of the pixel inside the image of the
-//! stop under a lenslet, a disc of diameter `k D` about `c (1 + k)` or a square. Neighbours that overlap add up. The
+//! It is the white image divided by a prediction for an evenly lit stop: the image of the stop under each lenslet, a
+//! disc of diameter `k D` about `c (1 + k)` or a square, with the camera's blur. Neighbours that overlap add up. The
 //! quotient is scaled to a median of 1 over well-lit pixels. It is 1 where (almost) no light is predicted, so that no
 //! noise is amplified, and 0 where light is predicted but none arrives.
 
+use super::stop_image::StopImage;
 use crate::fit::lenslet_images::{LensletImages, image_px};
 use glam::DVec2;
-use lf_core::{Camera, Optics, camera::Aperture, statistics::upper_median};
+use lf_core::{Camera, Optics, camera::Aperture, halo::Halo, statistics::upper_median};
 use ndarray::Array2;
 use rayon::prelude::*;
 
 /// A pixel with at least this share of the full light is well lit; below the second share the quotient would be noise.
 const WELL_LIT: f32 = 0.9;
 const LEAST_LIGHT: f32 = 0.1;
-/// Chords per pixel for the share inside a disc. The error is some thousandths at the rim.
-const CHORDS: usize = 16;
+/// Samples along each side of a pixel at the rim of a disc, and the least blur, px: the error is a hundredth at most.
+const SAMPLES: usize = 8;
+const LEAST_BLUR_PX: f64 = 0.05;
 /// Rows of the image that are predicted together.
 const BAND: usize = 32;
 
@@ -35,8 +37,8 @@ pub fn flat_field(white: &Array2<f32>, camera: &Camera) -> Option<Array2<f32>> {
 fn predicted(camera: &Camera) -> Array2<f32> {
     let (width, height) = (camera.sensor.width, camera.sensor.height);
     let (optics, lattice, images) = (Optics::new(camera), camera.lattice(), LensletImages::new(camera));
-    let half = 0.5 * camera.demagnification() * camera.aperture_mm() / camera.sensor.pixel_pitch_mm;
-    let reach_px = DVec2::new(0.5 * width as f64, 0.5 * BAND as f64) + half + 2.0;
+    let stop = StopLight::new(camera);
+    let reach_px = DVec2::new(0.5 * width as f64, 0.5 * BAND as f64) + stop.reach_px + 2.0;
     let mut light = Array2::zeros((height, width));
     let bands = light.as_slice_mut().expect("a new array is one slice").par_chunks_mut(BAND * width);
     bands.enumerate().for_each(|(band, pixels)| {
@@ -46,62 +48,96 @@ fn predicted(camera: &Camera) -> Array2<f32> {
             let centre = image_px(&optics, centre);
             let range = |centre: f64, from: usize, to: usize| {
                 let edge = |place: f64| place.clamp(from as f64, to as f64) as usize;
-                edge((centre - half).floor())..edge((centre + half).ceil())
+                edge((centre - stop.reach_px).floor())..edge((centre + stop.reach_px).ceil())
             };
             for row in range(centre.y, top, top + pixels.len() / width) {
                 let line = &mut pixels[(row - top) * width..(row - top + 1) * width];
                 for column in range(centre.x, 0, width) {
-                    let corner = DVec2::new(column as f64, row as f64) - centre;
-                    line[column] += match camera.main_lens.aperture {
-                        Aperture::Circle => inside_disc(corner, half),
-                        Aperture::Square => inside_square(corner, half),
-                    } as f32;
+                    line[column] += stop.on_pixel(DVec2::new(column as f64, row as f64) + 0.5 - centre) as f32;
                 }
             }
         }
     });
+    if let Some(halo) = Halo::new(camera) {
+        light *= halo.middle_share() as f32;
+        let far = halo.around(light.as_slice().expect("a new array is one slice"), width);
+        light.iter_mut().zip(far).for_each(|(light, far)| *light += far);
+    }
     light
 }
 
-/// Share, inside a square of half side `half` about 0, of the unit square that begins at `corner`.
-fn inside_square(corner: DVec2, half: f64) -> f64 {
-    let overlap = (corner + 1.0).min(DVec2::splat(half)) - corner.max(DVec2::splat(-half));
-    overlap.max(DVec2::ZERO).element_product()
+/// The stop's image under a lenslet, without the far light of diffraction.
+struct StopLight {
+    shape: Aperture,
+    image: StopImage,
+    /// Distances of a pixel's middle from the centre within which its light is full, and beyond which it has none, px.
+    full_px: f64,
+    reach_px: f64,
 }
 
-/// Share, inside a circle about 0, of the unit square that begins at `corner`.
-fn inside_disc(corner: DVec2, radius: f64) -> f64 {
-    let (low, high) = (corner.abs().min((corner + 1.0).abs()), corner.abs().max((corner + 1.0).abs()));
-    if high.length_squared() <= radius * radius {
-        return 1.0;
+impl StopLight {
+    fn new(camera: &Camera) -> Self {
+        let shape = camera.main_lens.aperture;
+        let half_px = 0.5 * camera.demagnification() * camera.aperture_mm() / camera.sensor.pixel_pitch_mm;
+        let sigma_px = camera.blur_core_px().max(LEAST_BLUR_PX);
+        let image = StopImage::new(shape, half_px, sigma_px, &[0]);
+        // Half a pixel's diagonal more.
+        let rim_px = image.blur_px() + std::f64::consts::FRAC_1_SQRT_2;
+        Self { shape, image, full_px: half_px - rim_px, reach_px: half_px + rim_px }
     }
-    // A square that lies across an axis is nearer to 0 than its corners are.
-    let is_across = corner.cmple(DVec2::ZERO) & (corner + 1.0).cmpge(DVec2::ZERO);
-    if DVec2::select(is_across, DVec2::ZERO, low).length_squared() >= radius * radius {
-        return 0.0;
+
+    /// Light of a pixel at an offset from the centre; 1 if it is full.
+    fn on_pixel(&self, offset_px: DVec2) -> f64 {
+        let at = |offset_px: DVec2| {
+            let mut light = [0.0];
+            self.image.add(offset_px, &mut light);
+            light[0]
+        };
+        match self.shape {
+            // Its table is that of pixels.
+            Aperture::Square => at(offset_px),
+            Aperture::Circle if offset_px.length() < self.full_px => 1.0,
+            Aperture::Circle => {
+                let side = |n: usize| (n as f64 + 0.5) / SAMPLES as f64 - 0.5;
+                let places = (0..SAMPLES * SAMPLES).map(|n| DVec2::new(side(n % SAMPLES), side(n / SAMPLES)));
+                places.map(|place| at(offset_px + place)).sum::<f64>() / (SAMPLES * SAMPLES) as f64
+            }
+        }
     }
-    let chord = |n: usize| {
-        let x = corner.x + (n as f64 + 0.5) / CHORDS as f64;
-        let half = (radius * radius - x * x).max(0.0).sqrt();
-        (half.min(corner.y + 1.0) - (-half).max(corner.y)).max(0.0)
-    };
-    (0..CHORDS).map(chord).sum::<f64>() / CHORDS as f64
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::points::view::tests::seed;
+    use lf_core::camera::{Blur, Layout};
 
+    /// Light of a pixel at the rim of a sharp disc, by fine points.
     #[test]
-    fn shares_add_up_to_the_area() {
-        for (centre, half) in
-            [(DVec2::new(10.3, 9.8), 7.0), (DVec2::new(9.5, 10.0), 3.21), (DVec2::new(10.0, 10.0), 0.4)]
-        {
-            let corners = || (0..400).map(|n| DVec2::new((n % 20) as f64, (n / 20) as f64) - centre);
-            let disc: f64 = corners().map(|corner| inside_disc(corner, half)).sum();
-            let square: f64 = corners().map(|corner| inside_square(corner, half)).sum();
-            assert!((disc / (std::f64::consts::PI * half * half) - 1.0).abs() < 0.02, "{half}: {disc}");
-            assert!((square / (4.0 * half * half) - 1.0).abs() < 1e-12, "{half}: {square}");
+    fn a_sharp_rim_is_the_share_of_the_pixel() {
+        let camera = seed(10, Layout::Square);
+        let stop = StopLight::new(&camera);
+        let half = 0.5 * camera.demagnification() * camera.aperture_mm() / 0.0055;
+        for n in 0..40 {
+            let at = DVec2::from_angle(0.21 * f64::from(n)) * (half - 1.0 + 0.05 * f64::from(n));
+            let inside = (0..10_000)
+                .map(|n| at + (DVec2::new((n % 100) as f64, (n / 100) as f64) + 0.5) / 100.0 - 0.5)
+                .filter(|place| place.length() < half);
+            let wanted = inside.count() as f64 / 10_000.0;
+            assert!((stop.on_pixel(at) - wanted).abs() < 0.015, "{at}: {} {wanted}", stop.on_pixel(at));
         }
+    }
+
+    /// All light of the stop arrives on the sensor, whatever the blur.
+    #[test]
+    fn blur_moves_light_and_loses_none() {
+        let mut camera = seed(10, Layout::Hexagonal);
+        let middle = |camera: &Camera| predicted(camera).slice(ndarray::s![42..98, 42..98]).sum();
+        let sharp = middle(&camera);
+        camera.blur = Some(Blur { wavelength_nm: Some(532.0), sigma_px: 0.4 });
+        let blurred = middle(&camera);
+        assert!((blurred / sharp - 1.0).abs() < 0.005, "{blurred} {sharp}");
+        let difference = &predicted(&camera) - &predicted(&seed(10, Layout::Hexagonal));
+        assert!(difference.iter().any(|difference| *difference > 0.05));
     }
 }

@@ -1,6 +1,6 @@
 //! The lattice of the lenslet images, as measured in a white image.
 
-use lf_core::camera::Layout;
+use lf_core::camera::{Layout, SecondStop};
 
 /// The image of one lenslet.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -11,17 +11,6 @@ pub struct Centre {
     pub place_px: [f64; 2],
     /// Whether it follows the lattice of the lenslets around it.
     pub kept: bool,
-}
-
-/// A disc that cuts into the lenslet images (cat's eye), displaced in proportion to the position in the frame.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct SecondStop {
-    /// Diameter of its image, px.
-    pub diameter_px: f64,
-    /// Its displacement against the lenslet image, divided by the distance from the frame's middle.
-    pub slope: f64,
-    /// Its displacement in the frame's middle, px.
-    pub aside_px: [f64; 2],
 }
 
 /// The width of the stop's image under a lenslet, by a fit of its edge.

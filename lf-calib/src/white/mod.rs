@@ -33,6 +33,6 @@ pub use fill::Fill;
 pub use find::find_lattice;
 pub use flat_field::flat_field;
 pub use follow::LATTICE_STEPS;
-pub use image_lattice::{Centre, ImageLattice, SecondStop, StopWidth};
+pub use image_lattice::{Centre, ImageLattice, StopWidth};
 pub use pupil::{PitchChange, Pupil};
 pub use rim_blur::{RimBlur, rim_blur};

@@ -38,6 +38,11 @@ impl StopImage {
         Self { shape, step_px, reach_px, tables: powers.iter().map(|power| table(*power)).collect() }
     }
 
+    /// Distance from the rim that the blur reaches, px.
+    pub fn blur_px(&self) -> f64 {
+        REACH * PER_SIGMA * self.step_px
+    }
+
     /// Adds the light of each power at an offset from the centre of one image.
     #[inline]
     pub fn add(&self, offset_px: DVec2, light: &mut [f64]) {

@@ -107,6 +107,9 @@ impl Camera {
         if let Some(centres) = &self.centres {
             centres.check()?;
         }
+        if let Some(stop) = &self.second_stop {
+            stop.check()?;
+        }
         let found = || format!("microlens focal length {} mm", self.microlenses.focal_length_mm);
         let from =
             if self.main_lens.pupil_distance_mm.is_some() { "distance of the exit pupil" } else { "image distance" };

@@ -10,7 +10,8 @@
 //! distortion, centres) are along the sensor's axes: x along the columns, y along the rows, downwards.
 //!
 //! `blur` is light that a sharp camera would put elsewhere: [`Blur`]. lf-synth renders it, and the images of particles
-//! have it; the weights of voxels do not.
+//! have it; the weights of voxels do not. `second_stop` is a rim that cuts into the beam beside the axis, as lf-calib
+//! finds it in white images: [`SecondStop`]. Pixels that it reaches count as blind.
 //!
 //! `frame` is `right-handed` in every file that the tools write. A camera without it is read too, so that a data sheet
 //! may be typed in without it and cameras of lf 0.1.0 keep their worth: no key depends on where X points.
@@ -48,6 +49,7 @@
 
 mod aberrations;
 mod blur;
+mod cut_pixels;
 mod depths;
 mod derived;
 mod evidence;
@@ -55,6 +57,7 @@ mod file;
 mod model;
 mod plausible;
 mod pose;
+mod second_stop;
 
 pub use crate::lattice::{Layout, Microlenses};
 pub(crate) use aberrations::RayAberrations;
@@ -65,6 +68,7 @@ pub use model::{
     Aberrations, Aperture, Blur, Camera, Distortion, MainLens, Medium, Sensor, SensorNoise, Telecentric, Tilt,
 };
 pub use pose::Pose;
+pub use second_stop::{Disc, SecondStop};
 
 #[cfg(test)]
 pub(crate) mod tests;

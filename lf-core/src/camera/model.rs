@@ -1,6 +1,7 @@
 //! The keys of `camera.json`.
 
 use super::pose::Pose;
+use super::second_stop::SecondStop;
 use crate::frame::Frame;
 use crate::lattice::{Centres, Microlenses};
 use serde::{Deserialize, Serialize};
@@ -41,6 +42,9 @@ pub struct Camera {
     /// Measured departure of the lenslets from the perfect lattice; none if absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub centres: Option<Centres>,
+    /// A second stop that cuts into the lenslet images; none if absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub second_stop: Option<SecondStop>,
     /// File of the flat-field image: the fraction of its light that each pixel counts; 1 everywhere if absent. The path
     /// is relative to the folder of the camera's file. See [`crate::image::open_frame`].
     #[serde(default, skip_serializing_if = "Option::is_none")]

@@ -52,12 +52,12 @@ pub(super) fn answer(tool: &str, error: &clap::Error, command: &clap::Command, t
             usage(tool, &format!("nothing to do; wanted {wanted}"))
         }
         _ => {
-            let usage = |what: &str| {
+            let refuse = |what: &str| {
                 let task = task(command, typed).map_or(String::new(), |task| format!(" {}", task.get_name()));
                 complain(tool, &format!("{what}; see '{tool}{task} --help'"))
             };
             if let Some((option, number)) = negative(error, command, typed) {
-                return usage(&format!("{option}: {number}; wanted a number of 0 or more"));
+                return refuse(&format!("{option}: {number}; wanted a number that is not negative"));
             }
             let text = error.render().to_string();
             let mut paragraphs = text.split("\n\n");
@@ -69,7 +69,7 @@ pub(super) fn answer(tool: &str, error: &clap::Error, command: &clap::Command, t
             let what = what.replace("invalid float literal", "wanted a number");
             let what = what.replace("number too large to fit in target type", "wanted a smaller number");
             let tip = paragraphs.map(words).find_map(|paragraph| Some(paragraph.strip_prefix("tip: ")?.to_owned()));
-            usage(&tip.map_or_else(|| what.to_owned(), |tip| format!("{what} ({tip})")))
+            refuse(&tip.map_or_else(|| what.to_owned(), |tip| format!("{what} ({tip})")))
         }
     }
 }

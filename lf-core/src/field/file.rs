@@ -14,6 +14,30 @@ use std::path::Path;
 /// The attribute that holds the layout.
 const LAYOUT: &str = "lf:field";
 
+/// The formats of a field.
+enum Form {
+    Exr,
+    Vti,
+    NetCdf,
+    Csv,
+}
+
+impl Form {
+    /// The format that a name asks for by its extension; `-` and a name without one are EXR.
+    fn of(path: &Path) -> Result<Self> {
+        match path.extension().map(|extension| extension.to_string_lossy().to_lowercase()).as_deref() {
+            None | Some("exr") => Ok(Self::Exr),
+            Some("vti") => Ok(Self::Vti),
+            Some("nc") => Ok(Self::NetCdf),
+            Some("csv") => Ok(Self::Csv),
+            Some(other) => {
+                let wanted = "wanted .exr, .vti, .nc or .csv";
+                Err(Refusal::new(format!("the extension .{other}"), wanted).about(io::output_name(path)))
+            }
+        }
+    }
+}
+
 impl VectorGrid {
     /// Reads the attribute with this name of a file that `wanted` describes.
     pub(super) fn of_attribute(name: &str, text: &str, wanted: &'static str) -> std::result::Result<Self, Refusal> {
@@ -47,6 +71,12 @@ impl Field {
         guarded(|| parse(bytes)).map_err(|refusal| refusal.about(name))
     }
 
+    /// Checks before the work that a field can be saved under this name: see [`io::check_place`].
+    pub fn check_place(path: &Path) -> Result<()> {
+        Form::of(path)?;
+        io::check_place(path)
+    }
+
     /// Writes EXR, `.vti`, `.nc` (NetCDF) or `.csv` by extension; `-` and a name without extension are EXR. Refuses
     /// what [`Field::open`] refuses. Panics if a component is not as long as the shape asks.
     pub fn save(&self, path: &Path) -> Result<()> {
@@ -66,19 +96,14 @@ impl Field {
             assert_eq!(Some(values.len()), self.layout.checked_len(), "length of component {name}");
         }
         self.check().map_err(refused)?;
-        let extension = path.extension().map(|extension| extension.to_string_lossy().to_lowercase());
-        match extension.as_deref() {
-            None | Some("exr") => {
+        match Form::of(path)? {
+            Form::Exr => {
                 let bytes = guarded(|| self.to_exr(more)).map_err(refused)?;
                 io::save(path, |out| out.write_all(&bytes))
             }
-            Some("vti") => io::save(path, |out| write_vti(self, more, out)),
-            Some("nc") => io::save(path, |out| write_cf(self, more, out)),
-            Some("csv") => io::save_text(path, |out| write_csv(self, more, out)),
-            Some(other) => {
-                let wanted = "wanted .exr, .vti, .nc or .csv";
-                Err(refused(Refusal::new(format!("the extension .{other}"), wanted)))
-            }
+            Form::Vti => io::save(path, |out| write_vti(self, more, out)),
+            Form::NetCdf => io::save(path, |out| write_cf(self, more, out)),
+            Form::Csv => io::save_text(path, |out| write_csv(self, more, out)),
         }
     }
 

@@ -52,10 +52,12 @@ pub struct FrameFiles<'a> {
     pub mask: Option<&'a Path>,
 }
 
-/// A frame without its background and flat field.
+/// A frame without its background.
 pub struct Frame {
-    /// Counts, shape (height, width); NaN where the pixel is blind or masked.
+    /// Counts, shape (height, width); NaN where the pixel is blind, masked or cut by a second stop.
     pub pixels: Array2<f32>,
+    /// The flat field, if the pixels have not been divided by it.
+    pub flat: Option<Array2<f32>>,
     /// The steps that led to it; empty if the file has none.
     pub history: History,
     /// Level, counts, and share of the pixels that were clipped when the frame was taken: see [`clipped_share`].
@@ -66,9 +68,10 @@ pub struct Frame {
     pub background_share: Option<f64>,
 }
 
-/// Reads a frame, subtracts the background, sets negative results to 0, and divides by the flat field
-/// of `camera`, which was read from `camera_file`. Pixels below [`BLIND`] and masked ones become NaN. All images are
-/// sensor-sized. A frame of floating-point pixels may be negative: its background is subtracted already.
+/// Reads a frame, subtracts the background, sets negative results to 0, and divides by the flat field of `camera`,
+/// which was read from `camera_file`. Pixels below [`BLIND`], masked ones and those that its second stop cuts become
+/// NaN. All images are sensor-sized. A frame of floating-point pixels may be negative: its background is subtracted
+/// already.
 pub fn open_frame(
     path: &Path,
     files: FrameFiles,
@@ -79,8 +82,9 @@ pub fn open_frame(
     read_frame(path, files, (camera, camera_file), channel, false)
 }
 
-/// Like [`open_frame`], but pixels darker than the background stay negative, so that their mean is that of the light. A
-/// fit needs this. Pixels at a clipped black level get the mean of what was cut off.
+/// Like [`open_frame`], but as a fit needs it. Pixels darker than the background stay negative, so that their mean is
+/// that of the light. They are not divided by the flat field, which is given along: noise is that of the counts. The
+/// flat field is 0 where a second stop cuts. Pixels at a clipped black level get the mean of what was cut off.
 pub fn open_signed_frame(
     path: &Path,
     files: FrameFiles,
@@ -91,7 +95,7 @@ pub fn open_signed_frame(
     read_frame(path, files, (camera, camera_file), channel, true)
 }
 
-/// `is_signed` keeps negative differences from the background.
+/// `is_signed` keeps negative differences from the background, and the flat field.
 fn read_frame(
     path: &Path,
     files: FrameFiles,
@@ -122,11 +126,22 @@ fn read_frame(
     if !is_signed {
         image.pixels.mapv_inplace(|pixel| if pixel < 0.0 { 0.0 } else { pixel });
     }
-    if let Some(file) = camera.flat_field(camera_file) {
-        let flat = like("flat field", &file, path, &image, channel)?;
-        image.pixels.zip_mut_with(&flat, |pixel, flat| *pixel = if *flat < BLIND { f32::NAN } else { *pixel / flat });
+    let mut flat =
+        camera.flat_field(camera_file).map(|file| like("flat field", &file, path, &image, channel)).transpose()?;
+    if let Some(flat) = &flat {
+        let by = |flat: f32| if is_signed { 1.0 } else { flat };
+        let seen = |pixel: f32, flat: f32| if flat < BLIND { f32::NAN } else { pixel / by(flat) };
+        image.pixels.zip_mut_with(flat, |pixel, flat| *pixel = seen(*pixel, *flat));
     }
-    Ok(Frame { pixels: image.pixels, history: image.history, clipped, black, background_share })
+    camera.cut_pixels(|column, row| {
+        image.pixels[(row, column)] = f32::NAN;
+        // No light arrives there that could spread.
+        if is_signed {
+            flat.get_or_insert_with(|| Array2::ones((height, width)))[(row, column)] = 0.0;
+        }
+    });
+    let flat = flat.filter(|_| is_signed);
+    Ok(Frame { pixels: image.pixels, flat, history: image.history, clipped, black, background_share })
 }
 
 /// The sum of an image's finite pixels.

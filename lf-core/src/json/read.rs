@@ -85,6 +85,8 @@ fn phrases(found: Vec<(String, Mistake)>, within: &str) -> Vec<String> {
         }
     }
     let mut others = Vec::new();
+    // Objects whose keys have been listed.
+    let mut listed: Vec<String> = Vec::new();
     for (path, mistake) in found {
         match mistake {
             Mistake::Missing(_) => {}
@@ -99,7 +101,11 @@ fn phrases(found: Vec<(String, Mistake)>, within: &str) -> Vec<String> {
                         let unit = if stem(meant) == key { unit } else { "" };
                         others.push(format!("{name} should be '{meant}'{unit}"));
                     }
-                    None => others.push(format!("{name} is not a key (there are {})", known.join(", "))),
+                    None if listed.contains(&path) => others.push(format!("{name} is not a key")),
+                    None => {
+                        others.push(format!("{name} is not a key (there are {})", known.join(", ")));
+                        listed.push(path);
+                    }
                 }
             }
             Mistake::Word(word, known) => {
@@ -178,6 +184,13 @@ mod tests {
             assert!(text.contains(words), "{words}: {text}");
         }
         assert!(!text.contains("without"), "{text}");
+        // The keys of an object are listed once.
+        let mut value = camera();
+        let lens = value["main_lens"].as_object_mut().unwrap();
+        lens.extend(["colour", "weight"].map(|key| (key.to_owned(), json!(1))));
+        let text = refused(&value);
+        assert!(text.contains("main_lens.colour is not a key") && text.contains("main_lens.weight is not a key"));
+        assert_eq!(text.matches("there are").count(), 1, "{text}");
         assert_eq!(refused(&json!([1])), "is a list, not an object of keys and values");
     }
 

@@ -91,9 +91,11 @@ fn window_pixels(windows: &[Vec<Rectangle>]) -> usize {
 /// Bytes of frames, particles and the buffers of threads. All tiles are rendered at once, so every thread has buffers.
 fn held_bytes(particles: &Particles, count: usize) -> usize {
     let windows = particles.plan().windows;
-    let pixels: usize = particles.cameras.views.iter().map(|view| view.image.len()).sum();
+    let views = &particles.cameras.views;
+    let pixels: usize = views.iter().map(|view| view.image.len()).sum();
+    let flats: usize = views.iter().filter_map(|view| view.flat).map(|flat| flat.len()).sum();
     let buffers = rayon::current_num_threads().min(windows.len()) * THREAD_PIXEL * window_pixels(&windows);
-    FRAME_PIXEL * pixels + PARTICLE * count + buffers
+    FRAME_PIXEL * pixels + size_of::<f32>() * flats + PARTICLE * count + buffers
 }
 
 /// Bytes of work on tiles with up to `in_tile` particles, or on the noise. Tiles of one colour are fitted at once.

@@ -12,6 +12,11 @@ pub fn check(scene: &Scene, camera: &Camera) -> Result<(), Refusal> {
     if camera.vignetting.is_some() {
         return Err(wrong("camera.vignetting is a measured flat field, which is not rendered; use a key second_stop"));
     }
+    if camera.second_stop.is_some() {
+        return Err(wrong(
+            "camera.second_stop is as measured, in px, and not rendered; use a key second_stop beside camera",
+        ));
+    }
     scene.volume.check()?;
     check_size(scene, camera)?;
     let [.., [_, nearest_mm]] = scene.seen_bounds_mm(camera);

@@ -94,6 +94,9 @@ pub fn judge(arguments: &ParticlesArguments, session: &mut Session) -> Result<Ve
     for (name, count) in [("truth", of_truth), ("found", of_found), ("matched", both)] {
         session.count(name, count);
     }
+    if both == 0 && of_truth > 0 && of_found > 0 {
+        session.warn("no particle matches a true one: check --frame, --box, and the axes and units of both tables");
+    }
     print(&score)?;
     let recall = score.all.recall();
     let has_recall = arguments.min_recall.is_none_or(|least| recall.is_some_and(|recall| recall >= least));

@@ -2,10 +2,11 @@
 
 use super::{arguments::Arguments, parse::MaskSource, particles, particles::Tables, report, warnings};
 use lf_core::{
-    Error, Grid, JoinedVolume, Result, Session, Verdict, Volume, cli, field::Cut, io, simd::Level, volume::together,
+    Error, Field, Grid, JoinedVolume, Result, Session, Verdict, Volume, cli, field::Cut, io, simd::Level,
+    volume::together,
 };
 use lf_xcorr::{Mask, Outcome, Plan, Refused, Seeding, Side, Sparse};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// The column of a volume that is correlated.
 const COLUMN: &str = "intensity";
@@ -83,14 +84,18 @@ fn check_outputs(arguments: &Arguments, session: &Session) -> Result<()> {
     }
     let inputs = arguments.inputs();
     let plot = arguments.picture.plot.as_ref();
-    let outputs =
-        [("output", Some(&arguments.output)), ("--plot file", plot), ("--tracks file", arguments.tracks.as_ref())];
-    for (n, (name, path)) in outputs.into_iter().enumerate() {
+    type Check = fn(&Path) -> Result<()>;
+    let outputs: [(_, _, Check); 3] = [
+        ("output", Some(&arguments.output), Field::check_place),
+        ("--plot file", plot, io::check_picture),
+        ("--tracks file", arguments.tracks.as_ref(), io::check_place),
+    ];
+    for (n, (name, path, check)) in outputs.into_iter().enumerate() {
         let Some(path) = path else { continue };
         session.keep_apart(path, &inputs)?;
-        if Some(path) == plot { io::check_picture(path) } else { io::check_place(path) }?;
+        check(path)?;
         let is_same = |other: &PathBuf| path == other || io::same_file(path, other);
-        if let Some((other, _)) = outputs[..n].iter().find(|(_, other)| other.is_some_and(is_same)) {
+        if let Some((other, ..)) = outputs[..n].iter().find(|(_, other, _)| other.is_some_and(is_same)) {
             let found = format!("is the {other} and the {name}");
             return Err(Error::new(io::output_name(path), found, "wanted two files"));
         }

@@ -5,13 +5,13 @@ use crate::particle::Particle;
 use crate::start::first;
 use lf_core::image::Frame;
 use lf_core::{Camera, Refusal, Volume};
-use ndarray::ArrayView2;
+use ndarray::{Array2, ArrayView2, CowArray, Ix2};
 
 /// A camera, its image, and the volume made from that image in the camera's own frame.
 pub struct CameraInput {
     /// The camera. Its pose places it among the others.
     pub camera: Camera,
-    /// Its image; NaN where a pixel is blind.
+    /// Its image, not divided by its flat field; NaN where a pixel is blind.
     pub image: Frame,
     /// A volume with a column `intensity`, or a support without.
     pub volume: Volume,
@@ -21,11 +21,17 @@ pub struct CameraInput {
     pub(crate) is_given: bool,
 }
 
+/// Counts over the flat field.
+fn evened<'i>(counts: ArrayView2<'i, f32>, flat: Option<&Array2<f32>>) -> CowArray<'i, f32, Ix2> {
+    flat.map_or_else(|| counts.into(), |flat| (&counts / flat).into())
+}
+
 impl CameraInput {
     /// Finds the first particles: the local maxima of the volume, or of the light that sweeps find on a support.
     /// `done` gets the number of sweeps just finished.
     pub fn new(camera: Camera, image: Frame, volume: Volume, done: impl Fn(u64)) -> Result<Self, Refusal> {
-        let first = first::particles(&camera, image.pixels.view(), &volume, done)?;
+        let pixels = evened(image.pixels.view(), image.flat.as_ref());
+        let first = first::particles(&camera, pixels.view(), &volume, done)?;
         Ok(Self { camera, image, volume, first, is_given: false })
     }
 
@@ -40,7 +46,8 @@ impl CameraInput {
     /// The particles of an image on this support, such as an image without what a fit explains. A volume with
     /// intensities gives its own maxima, whatever the image.
     pub(crate) fn particles_in(&self, image: ArrayView2<f32>) -> Result<Vec<Particle>, Refusal> {
-        first::particles(&self.camera, image, &self.volume, |_| ())
+        let pixels = evened(image, self.image.flat.as_ref());
+        first::particles(&self.camera, pixels.view(), &self.volume, |_| ())
     }
 
     /// Number of sweeps of [`CameraInput::new`], and their bytes.

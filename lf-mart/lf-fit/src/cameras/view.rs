@@ -40,6 +40,8 @@ pub struct CameraView<'a> {
     pub(crate) model: ParticleModel,
     /// Its image; NaN where a pixel is blind.
     pub(crate) image: &'a Array2<f32>,
+    /// The share of its light that each pixel counts; None if that is 1 everywhere.
+    pub(crate) flat: Option<&'a Array2<f32>>,
     /// Expected counts of each pixel of the image.
     pub(crate) expected: Vec<f32>,
     /// Far light of diffraction in the expected counts. A pass over the particles holds it. None if nothing diffracts.
@@ -65,7 +67,7 @@ impl<'a> CameraView<'a> {
     /// A camera on its own, without light on its sensor yet.
     pub(crate) fn new(
         camera: &'a Camera,
-        image: &'a Array2<f32>,
+        (image, flat): (&'a Array2<f32>, Option<&'a Array2<f32>>),
         shape: Shape,
         depth_mm: [f64; 2],
         noise: Noise,
@@ -86,6 +88,7 @@ impl<'a> CameraView<'a> {
             halo: model.halo().map(|_| vec![0.0; image.len()]),
             model,
             image,
+            flat,
             expected: vec![0.0; image.len()],
         })
     }
@@ -296,7 +299,7 @@ pub(crate) mod tests {
 
     pub(crate) fn view(sight: &Sight, pose: Pose, light: f64) -> CameraView<'_> {
         let shape = Shape { sigma_px: 0.75, drift_px: [0.0; 2], blur_px: None, lens_px: Default::default() };
-        let view = CameraView::new(&sight.camera, &sight.image, shape, DEPTH_MM, NOISE).unwrap();
+        let view = CameraView::new(&sight.camera, (&sight.image, None), shape, DEPTH_MM, NOISE).unwrap();
         CameraView { pose, light, ..view }
     }
 
@@ -313,6 +316,37 @@ pub(crate) mod tests {
             (0..UNKNOWNS).for_each(|k| sums[n][k] += f64::from(pixel[k]));
         });
         sums
+    }
+
+    /// The counts of a flat field are its share of the light, and so are all derivatives.
+    #[test]
+    fn a_flat_field_takes_its_share() {
+        let sight = Sight::new(12);
+        let share = |column: usize| if column < 84 { 1.0 } else { 0.25 };
+        let flat = Array2::from_shape_fn(sight.image.dim(), |(_, column)| share(column));
+        let even = Cameras { views: vec![view(&sight, Pose::default(), 1.0)] };
+        let shaded = Cameras { views: vec![CameraView { flat: Some(&flat), ..even.first().clone() }] };
+        let window = whole(&even);
+        let particle = Particle::new([0.01, -0.02, 0.8], 1e5);
+        let [wanted, found] = [&even, &shaded].map(|cameras| numbers(cameras, &particle, &window));
+        let slopes = |cameras: &Cameras| {
+            let mut sums = vec![0f32; window.seen.len()];
+            let (_, slopes) = ParticleImage::with_slopes(cameras, &particle, &window, &mut Default::default());
+            slopes.iter().for_each(|(n, slopes)| sums[*n as usize] += slopes[0]);
+            sums
+        };
+        let [wanted_size, found_size] = [slopes(&even), slopes(&shaded)];
+        let mut lit = [0; 2];
+        for n in 0..wanted.len() {
+            let share = share(n % window.columns);
+            lit[usize::from(share < 1.0)] += usize::from(wanted[n][COUNTS] > 100.0);
+            for k in 0..UNKNOWNS {
+                let off = found[n][k] - f64::from(share) * wanted[n][k];
+                assert!(off.abs() <= 1e-5 * wanted[n][k].abs(), "{n} {k}: {off}");
+            }
+            assert!((found_size[n] - share * wanted_size[n]).abs() <= 1e-5 * wanted_size[n].abs());
+        }
+        assert!(lit.iter().all(|lit| *lit > 50), "{lit:?}");
     }
 
     /// A camera turned about no axis of the first, smaller and with half the light: derivatives by the place in the

@@ -93,7 +93,7 @@ pub struct Arguments {
     /// Evidence of the frame on its camera (JSON), for lf-calib refine
     #[arg(long, value_name = "FILE", help_heading = OUTPUT)]
     pub evidence: Option<PathBuf>,
-    /// Image (EXR) as the fit explains it, without background and flat field; none, or one for each camera. Blind
+    /// Image (EXR) as the fit explains it, without background; none, or one for each camera. Blind
     /// pixels have light too
     #[arg(long, value_name = "FILE", help_heading = OUTPUT)]
     pub expected: Vec<PathBuf>,

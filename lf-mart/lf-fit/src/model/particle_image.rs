@@ -5,6 +5,7 @@ use crate::cameras::shape::ANALYTIC;
 use crate::cameras::view::Cameras;
 use crate::particle::Particle;
 use lf_core::particle_image::{PLACES, ParticleModel, Patch, QUANTITIES, Scratch};
+use ndarray::{Array2, s};
 use std::ops::Range;
 
 /// Numbers of a pixel: the derivatives of its counts by x, y and z in pixels of the focal plane and by the logarithm of
@@ -68,6 +69,8 @@ struct Target<'a> {
     length: f64,
     /// From the frame of the camera to that of the first one.
     rotation: Option<&'a [[f64; 3]; 3]>,
+    /// The share of its light that each pixel counts.
+    flat: Option<&'a Array2<f32>>,
 }
 
 impl ParticleImage {
@@ -105,6 +108,7 @@ impl ParticleImage {
                 light,
                 length: light * cameras.pixel_mm(),
                 rotation,
+                flat: view.flat,
             };
             let mut take = |patch: Patch, pixels: &[[f32; PLACES]]| image.take(&target, patch, pixels);
             match &mut quantities {
@@ -146,7 +150,8 @@ impl ParticleImage {
                 let row = patch.row as usize + n / patch.columns as usize;
                 if (left..left + columns).contains(&column) && (top..top + rows).contains(&row) {
                     let at = (row - top) * columns + column - left;
-                    slopes.push((at as u32, std::array::from_fn(|k| (scale[k] * pixel[PLACES + k]) as f32)));
+                    let share = view.flat.map_or(1.0, |flat| f64::from(flat[(row, column)].max(0.0)));
+                    slopes.push((at as u32, std::array::from_fn(|k| (share * scale[k] * pixel[PLACES + k]) as f32)));
                 }
             }
         };
@@ -209,7 +214,7 @@ impl ParticleImage {
     /// Takes the part of a patch that lies within the window.
     #[inline(always)]
     fn take(&mut self, target: &Target, patch: Patch, pixels: &[[f32; PLACES]]) {
-        let Target { model, part, row: row_length, light, length, rotation } = *target;
+        let Target { model, part, row: row_length, light, length, rotation, flat } = *target;
         let Some([columns, rows]) = Self::lit(model, &patch, pixels) else { return };
         let within = |first: u32, lit: Range<usize>, low: usize, size: usize| {
             let from = (first as usize + lit.start).clamp(low, low + size);
@@ -235,6 +240,12 @@ impl ParticleImage {
                     Some([a, b, c]) => [0, 1, 2].map(|k| a[k] * x + b[k] * y + c[k] * z),
                 };
                 self.pixels.push([length * by[0], length * by[1], length * by[2], light * share]);
+            }
+            if let Some(flat) = flat {
+                let line = self.pixels.len() - (right - left);
+                let shares = flat.slice(s![row, left..right]);
+                let pixels = self.pixels[line..].iter_mut().zip(shares);
+                pixels.for_each(|(pixel, share)| pixel.iter_mut().for_each(|value| *value *= share.max(0.0)));
             }
         }
     }

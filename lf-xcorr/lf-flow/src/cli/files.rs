@@ -1,7 +1,7 @@
 //! Fields in and fields out: one file, or a folder for many.
 
 use clap::ValueEnum;
-use lf_core::{Error, Result, Session, io};
+use lf_core::{Error, Field, Result, Session, io};
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -44,7 +44,7 @@ impl Files {
                 ));
             }
             session.keep_apart(&self.output, &inputs)?;
-            io::check_place(&self.output)?;
+            Field::check_place(&self.output)?;
             return Ok(vec![(field.clone(), self.output.clone())]);
         }
         let folder = io::output_name(&self.output);

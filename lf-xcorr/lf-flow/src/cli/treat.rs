@@ -130,7 +130,7 @@ pub fn pressure(arguments: &PressureArguments, limit: MemoryLimit, session: &mut
     let inputs: Vec<&Path> =
         [Some(&arguments.field), arguments.next.as_ref()].into_iter().flatten().map(|p| p.as_path()).collect();
     session.keep_apart(&arguments.output, &inputs)?;
-    io::check_place(&arguments.output)?;
+    Field::check_place(&arguments.output)?;
     let name = io::name(&arguments.field);
     let task = Task::Pressure { has_next: arguments.next.is_some() };
     let field = open(&arguments.field, task, limit, session)?;
