@@ -15,9 +15,11 @@ use rayon::prelude::*;
 /// A pixel with at least this share of the full light is well lit; below the second share the quotient would be noise.
 const WELL_LIT: f32 = 0.9;
 const LEAST_LIGHT: f32 = 0.1;
-/// Samples along each side of a pixel at the rim of a disc, and the least blur, px: the error is a hundredth at most.
-const SAMPLES: usize = 8;
-const LEAST_BLUR_PX: f64 = 0.05;
+/// Least blur, px: of a sharp rim, by which a pixel errs by some thousandths.
+const LEAST_BLUR_PX: f64 = 0.02;
+/// Samples along each side of a pixel at the rim of a disc: one in so many standard deviations of the blur.
+const PER_SAMPLE: f64 = 2.5;
+const SAMPLES: [f64; 2] = [4.0, 16.0];
 /// Rows of the image that are predicted together.
 const BAND: usize = 32;
 
@@ -70,8 +72,10 @@ fn predicted(camera: &Camera) -> Array2<f32> {
 struct StopLight {
     shape: Aperture,
     image: StopImage,
-    /// Distances of a pixel's middle from the centre within which its light is full, and beyond which it has none, px.
+    samples: usize,
+    /// A pixel whose farthest corner is this near to the centre is full, px.
     full_px: f64,
+    /// A pixel whose middle is farther has no light, px.
     reach_px: f64,
 }
 
@@ -79,11 +83,13 @@ impl StopLight {
     fn new(camera: &Camera) -> Self {
         let shape = camera.main_lens.aperture;
         let half_px = 0.5 * camera.demagnification() * camera.aperture_mm() / camera.sensor.pixel_pitch_mm;
-        let sigma_px = camera.blur_core_px().max(LEAST_BLUR_PX);
-        let image = StopImage::new(shape, half_px, sigma_px, &[0]);
-        // Half a pixel's diagonal more.
-        let rim_px = image.blur_px() + std::f64::consts::FRAC_1_SQRT_2;
-        Self { shape, image, full_px: half_px - rim_px, reach_px: half_px + rim_px }
+        let sigma_px = camera.blur_core_px();
+        let image = StopImage::new(shape, half_px, sigma_px.max(LEAST_BLUR_PX), &[0]);
+        let inwards_px = if sigma_px > 0.0 { image.blur_px() } else { 0.0 };
+        let reach_px = half_px + image.blur_px() + std::f64::consts::FRAC_1_SQRT_2;
+        let [fewest, most] = SAMPLES;
+        let samples = (1.0 / (PER_SAMPLE * sigma_px)).clamp(fewest, most).ceil() as usize;
+        Self { shape, image, samples, full_px: half_px - inwards_px, reach_px }
     }
 
     /// Light of a pixel at an offset from the centre; 1 if it is full.
@@ -96,11 +102,12 @@ impl StopLight {
         match self.shape {
             // Its table is that of pixels.
             Aperture::Square => at(offset_px),
-            Aperture::Circle if offset_px.length() < self.full_px => 1.0,
+            Aperture::Circle if (offset_px.abs() + 0.5).length() < self.full_px => 1.0,
             Aperture::Circle => {
-                let side = |n: usize| (n as f64 + 0.5) / SAMPLES as f64 - 0.5;
-                let places = (0..SAMPLES * SAMPLES).map(|n| DVec2::new(side(n % SAMPLES), side(n / SAMPLES)));
-                places.map(|place| at(offset_px + place)).sum::<f64>() / (SAMPLES * SAMPLES) as f64
+                let count = self.samples * self.samples;
+                let side = |n: usize| (n as f64 + 0.5) / self.samples as f64 - 0.5;
+                let places = (0..count).map(|n| DVec2::new(side(n % self.samples), side(n / self.samples)));
+                places.map(|place| at(offset_px + place)).sum::<f64>() / count as f64
             }
         }
     }
