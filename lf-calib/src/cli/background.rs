@@ -63,16 +63,18 @@ pub fn background(arguments: &BackgroundArguments, session: &mut Session) -> Res
     };
     session.count("frames", used);
     session.count("left_out", frames.left_out.len());
-    match used {
-        1 if !mean && haze.is_none() => session.warn(
-            "the background of one frame is the frame itself, particles and all: give many frames, or --mean of frames \
-             without particles",
-        ),
-        2..ENOUGH if !mean && haze.is_none() => session.warn(format!(
-            "light that lies in the same place in all {used} frames stays in the background, that of particles too: \
-             give at least {ENOUGH} frames, or --mean of frames without particles"
-        )),
-        _ => (),
+    if !mean && haze.is_none() {
+        match used {
+            1 => session.warn(
+                "the background of one frame is the frame itself, particles and all: give many frames, or --mean of \
+                 frames without particles",
+            ),
+            2..ENOUGH => session.warn(format!(
+                "light that lies in the same place in all {used} frames stays in the background, that of particles too: \
+                 give at least {ENOUGH} frames, or --mean of frames without particles"
+            )),
+            _ => (),
+        }
     }
     let history = session.history(&history);
     session.phase("write", |_| image::save(output, &pixels, &history))?;

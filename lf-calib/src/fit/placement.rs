@@ -5,7 +5,8 @@ use nalgebra::{Matrix4, Vector4};
 
 /// Smallest number of pixels that determines the four unknowns with some to spare.
 const FEWEST_PIXELS: f64 = 6.0;
-/// Nothing is left of a pixel's noise that the fit follows by more than this share.
+/// A fit follows a pixel's noise in part. This is the largest share that counts: the noise that is left is divided by
+/// one minus the share, which must not come near 0.
 const MOST_FOLLOWED: f64 = 0.95;
 
 /// Sums over pixels for one step.
@@ -65,12 +66,13 @@ pub(crate) struct PlaceFit {
 }
 
 impl PlaceFit {
-    /// The part of a pixel in the variance of a coordinate of the place, px^2, by its own departure from the fit. The
-    /// sum over the pixels holds where some are noisier than others; `spread_px` and `scatter` take them to be alike.
+    /// The variance that a pixel's noise gives a coordinate of the place, px^2. The noise is taken from the pixel's own
+    /// departure from the fit, so the sum over all pixels is right where some are noisier than others. `spread_px` and
+    /// `scatter` assume that all are alike.
     pub fn own_variance_px2(&self, value: f64, slope: DVec2, pixel: f64) -> f64 {
         let line = Vector4::from(derivatives(value, slope));
         let effect = self.inverse * line;
-        // The fit follows a pixel by this share, and leaves the rest of its noise.
+        // The fit moves with the pixel by this share, so the departure shows only the rest of its noise.
         let followed = line.dot(&effect).min(MOST_FOLLOWED);
         let left = pixel - self.floor - self.gain * value;
         0.5 * (effect[2].powi(2) + effect[3].powi(2)) / self.gain.powi(2) * left * left / (1.0 - followed)

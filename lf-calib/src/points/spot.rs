@@ -18,10 +18,10 @@ const LOOK_PX: f64 = 2.0;
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct SpotFit {
     pub place_px: DVec2,
-    /// Standard uncertainty of each coordinate, px, from the residuals of the pixels if their noise is alike.
+    /// Standard uncertainty of each coordinate, px, if all pixels are equally noisy.
     pub uncertainty_px: f64,
-    /// The uncertainty from the residual of each pixel by itself, px: right also where light brings noise, as photons
-    /// do, but itself less certain.
+    /// Standard uncertainty of each coordinate, px, where bright pixels may be noisier. It uses each pixel's residual
+    /// by itself, so one spot gives it less precisely than `uncertainty_px`.
     pub by_pixel_px: f64,
     pub light: f64,
     pub explained: f64,
@@ -96,8 +96,8 @@ pub(crate) fn fit(image: ArrayView2<f32>, profile: SpotProfile, from_px: DVec2, 
     })
 }
 
-/// Gives value and slope of a spot at a place, and the count, for each pixel of some rows and columns. Leaves out
-/// pixels that are not finite.
+/// Calls `take(value, slope, count)` for each pixel of some rows and columns. Value and slope are those of a spot at
+/// `place`. Leaves out pixels that are not finite.
 fn each_pixel(
     image: ArrayView2<f32>,
     profile: SpotProfile,
@@ -168,14 +168,14 @@ mod tests {
     fn the_stated_uncertainty_is_the_effect_of_noise() {
         let shape = SpotProfile { width_px: 1.5, disc_px: 0.3, sigma_px: 0.0 };
         const SPOTS: usize = 400;
-        // Noise of each pixel alike, and that of 3 photons a count.
-        for (read, photons, alike) in [(12.0, 0.0, true), (1.0, 3.0, false)] {
+        // All pixels equally noisy; and photons that count 3 each.
+        for (read, gain, alike) in [(12.0, 0.0, true), (1.0, 3.0, false)] {
             let (mut square, mut stated, mut by_pixel) = (0.0, 0.0, 0.0);
             let mut state = 5u64;
             for n in 0..SPOTS {
                 let place = DVec2::new(8.0 + (n % 20) as f64 / 20.0, 8.0 + (n / 20) as f64 / 20.0);
                 let mut noisy = |v: f32| {
-                    let sigma = f64::hypot(read, (photons * f64::from(v)).sqrt());
+                    let sigma = f64::hypot(read, (gain * f64::from(v)).sqrt());
                     v + (sigma * normal(&mut state)) as f32 + 40.0
                 };
                 let image = spot(place, 1.5, 0.6, 1000.0).mapv(&mut noisy);

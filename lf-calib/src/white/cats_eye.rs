@@ -13,7 +13,7 @@
 use super::{mean_cell::MeanCell, rim::rim_px};
 use crate::fit::{polynomial::outer, search::Search};
 use glam::{DMat2, DVec2};
-use lf_core::{camera::Disc, statistics::ranked};
+use lf_core::{camera::Disc, camera::SecondStop, statistics::ranked};
 use nalgebra::DVector;
 
 /// Directions in which the rim is searched, and fewest of them that show a rim.
@@ -101,14 +101,19 @@ impl TwoStops {
         Self { main_px: self.second_px, second_px: self.main_px, slope: -self.slope, aside_px: -self.aside_px }
     }
 
-    /// Displacement of the second disc under the lenslet imaged at `place_px` from the frame's middle.
-    pub fn displacement_px(&self, place_px: DVec2) -> DVec2 {
-        self.aside_px + self.slope * place_px
+    /// The second one.
+    pub fn second(&self) -> SecondStop {
+        SecondStop { diameter_px: 2.0 * self.second_px, slope: self.slope, aside_px: self.aside_px.to_array() }
+    }
+
+    /// The second disc under the lenslet imaged at `place_px` from the frame's middle.
+    fn disc(&self, place_px: DVec2) -> Disc {
+        self.second().disc(place_px)
     }
 
     /// Depth of the second disc's cut into the main one; negative without a cut.
     pub fn cut_px(&self, place_px: DVec2) -> f64 {
-        self.main_px + self.displacement_px(place_px).length() - self.second_px
+        self.main_px + self.disc(place_px).middle_px.length() - self.second_px
     }
 
     /// Root mean square misfit of the rims, px.
@@ -123,7 +128,7 @@ impl TwoStops {
 
     /// Sum of squares of the misfit of a region's rim, with both discs moved together to where they fit best.
     fn squares_left(&self, region: &RegionRim) -> f64 {
-        let second = self.displacement_px(region.place_px);
+        let second = self.disc(region.place_px).middle_px;
         let reach =
             |middle_px: DVec2, radius_px: f64, direction: DVec2| Disc { middle_px, radius_px }.reach_px(direction);
         let off = |moved: DVec2, (direction, rim): (DVec2, f64)| {
@@ -186,8 +191,8 @@ impl TwoStops {
     }
 }
 
-/// Light that the second disc takes away has not reached a pixel that is this far from it, px: half its diagonal, and a
-/// margin for the blur.
+/// A pixel is untouched if its middle is farther than this, px, from all light that the second disc takes away. It is
+/// half a pixel's diagonal and a margin for the blur.
 const NEAR_PX: f64 = 1.2;
 
 /// The pixels around one lenslet image that the second stop cannot have touched.
@@ -207,7 +212,7 @@ impl Untouched {
         let steps = (-1..=1).flat_map(|n| (-1..=1).map(move |m| DVec2::new(m as f64, n as f64)));
         Some(Self {
             lenslets: steps.map(|step| basis_px * step).collect(),
-            second: Disc { middle_px: stops.displacement_px(place_px), radius_px: stops.second_px },
+            second: stops.disc(place_px),
             main_px: stops.main_px,
         })
     }

@@ -7,7 +7,7 @@ use super::{follow::follow, lenslet_fit::window, perfect_lattice::PerfectLattice
 use crate::fit::polynomial::{Polynomial, TiePoint, middle_px};
 use crate::fit::robust::{chosen, without_outliers};
 use glam::{DMat2, DVec2};
-use lf_core::{Refusal, camera::Aperture, camera::Layout, camera::SecondStop};
+use lf_core::{Refusal, camera::Aperture, camera::Layout};
 use ndarray::Array2;
 
 /// Smallest share of the lenslets in the frame that must follow the lattice.
@@ -56,11 +56,7 @@ pub fn find_lattice(image: &Array2<f32>, watch: &dyn Fn(u64)) -> Result<ImageLat
         origin_uncertainty_px: (noise * perfect.place_uncertainty(DVec2::ZERO)).hypot(SAMPLING_PX),
         disc: stop_width(&samples, followed.basis_px, Aperture::Circle),
         square: stop_width(&samples, followed.basis_px, Aperture::Square),
-        second_stop: followed.stops.map(|stops| SecondStop {
-            diameter_px: 2.0 * stops.second_px,
-            slope: stops.slope,
-            aside_px: stops.aside_px.to_array(),
-        }),
+        second_stop: followed.stops.map(|stops| stops.second()),
         contrast: period.contrast,
         in_frame: smooth.in_frame,
         centres: smooth.centres(),

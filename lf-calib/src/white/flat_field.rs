@@ -15,10 +15,13 @@ use rayon::prelude::*;
 /// A pixel with at least this share of the full light is well lit; below the second share the quotient would be noise.
 const WELL_LIT: f32 = 0.9;
 const LEAST_LIGHT: f32 = 0.1;
-/// Least blur, px: of a sharp rim, by which a pixel errs by some thousandths.
+/// A sharp rim is drawn with this blur, px, because the table needs one. It changes the light of a pixel by some
+/// thousandths.
 const LEAST_BLUR_PX: f64 = 0.02;
-/// Samples along each side of a pixel at the rim of a disc: one in so many standard deviations of the blur.
-const PER_SAMPLE: f64 = 2.5;
+/// The light of a pixel at the rim of a disc is the mean of a square of samples. They are this many standard deviations
+/// of the blur apart, so that the rim is smooth between them.
+const APART: f64 = 2.5;
+/// Smallest and largest number of samples along a side of a pixel.
 const SAMPLES: [f64; 2] = [4.0, 16.0];
 /// Rows of the image that are predicted together.
 const BAND: usize = 32;
@@ -88,7 +91,7 @@ impl StopLight {
         let inwards_px = if sigma_px > 0.0 { image.blur_px() } else { 0.0 };
         let reach_px = half_px + image.blur_px() + std::f64::consts::FRAC_1_SQRT_2;
         let [fewest, most] = SAMPLES;
-        let samples = (1.0 / (PER_SAMPLE * sigma_px)).clamp(fewest, most).ceil() as usize;
+        let samples = (1.0 / (APART * sigma_px)).clamp(fewest, most).ceil() as usize;
         Self { shape, image, samples, full_px: half_px - inwards_px, reach_px }
     }
 

@@ -4,8 +4,8 @@ use super::model::{Aperture, Camera};
 use crate::Optics;
 use glam::DVec2;
 
-/// Light that the second disc takes away would have reached pixels whose middles are this near, px, and farther by the
-/// blur of the camera.
+/// A pixel is cut if its middle is nearer than this, px, to light that the second disc takes away. The camera's blur is
+/// added to it.
 const NEAR_PX: f64 = 0.3;
 
 impl Camera {

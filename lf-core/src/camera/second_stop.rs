@@ -23,7 +23,7 @@ pub struct SecondStop {
     pub aside_px: [f64; 2],
 }
 
-/// Directions in which a place looks for light that is taken away.
+/// Number of directions in which [`Disc::cuts`] looks for light that the disc takes away.
 const DIRECTIONS: i32 = 9;
 
 /// A disc beside the middle of a lenslet image, px.

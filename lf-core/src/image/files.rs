@@ -95,7 +95,7 @@ pub fn open_signed_frame(
     read_frame(path, files, (camera, camera_file), channel, true)
 }
 
-/// `is_signed` keeps negative differences from the background, and the flat field.
+/// If `is_signed`, negative differences from the background are kept, and pixels are not divided by the flat field.
 fn read_frame(
     path: &Path,
     files: FrameFiles,
@@ -129,9 +129,13 @@ fn read_frame(
     let mut flat =
         camera.flat_field(camera_file).map(|file| like("flat field", &file, path, &image, channel)).transpose()?;
     if let Some(flat) = &flat {
-        let by = |flat: f32| if is_signed { 1.0 } else { flat };
-        let seen = |pixel: f32, flat: f32| if flat < BLIND { f32::NAN } else { pixel / by(flat) };
-        image.pixels.zip_mut_with(flat, |pixel, flat| *pixel = seen(*pixel, *flat));
+        image.pixels.zip_mut_with(flat, |pixel, flat| {
+            if *flat < BLIND {
+                *pixel = f32::NAN;
+            } else if !is_signed {
+                *pixel /= flat;
+            }
+        });
     }
     camera.cut_pixels(|column, row| {
         image.pixels[(row, column)] = f32::NAN;

@@ -14,7 +14,7 @@ use lf_core::camera::Pose;
 use lf_core::particle_image::ParticleModel;
 use lf_core::{Grid, Refusal};
 
-/// Bytes of a pixel of a frame: the expected counts.
+/// Bytes of a pixel of a frame: of the expected counts, and of a flat field.
 const FRAME_PIXEL: usize = 4;
 /// Bytes of a pixel from which noise is found.
 const NOISE_PIXEL: usize = 9;
@@ -95,7 +95,7 @@ fn held_bytes(particles: &Particles, count: usize) -> usize {
     let pixels: usize = views.iter().map(|view| view.image.len()).sum();
     let flats: usize = views.iter().filter_map(|view| view.flat).map(|flat| flat.len()).sum();
     let buffers = rayon::current_num_threads().min(windows.len()) * THREAD_PIXEL * window_pixels(&windows);
-    FRAME_PIXEL * pixels + size_of::<f32>() * flats + PARTICLE * count + buffers
+    FRAME_PIXEL * (pixels + flats) + PARTICLE * count + buffers
 }
 
 /// Bytes of work on tiles with up to `in_tile` particles, or on the noise. Tiles of one colour are fitted at once.
