@@ -12,7 +12,7 @@ const KEYS: [&str; 7] = [
     "camera.blur={\"wavelength_nm\": 532, \"sigma_px\": 0.3}",
     "camera.main_lens.aperture=circle",
     "camera.microlenses.rotation_rad=0.003",
-    "particles.per_lenslet=0.05",
+    "particles.per_lenslet=0.1",
     "truth=null",
 ];
 /// On the axis it leaves 1.06 times the main stop. In the corners of this sensor it cuts off 1.2 px of 7.
