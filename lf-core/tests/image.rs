@@ -267,12 +267,14 @@ fn what_is_no_count_is_counted_and_placed() {
     assert_eq!(open_counts(&path, None).unwrap().pixels, pixels);
     pixels[[2, 5]] = -1.5;
     save(&path, &pixels, &steps()).unwrap();
-    let refusal = |path: &Path| open_counts(path, None).map(|_| ()).unwrap_err().to_string();
-    assert!(refusal(&path).contains("1 pixel is not a count, the first -1.5 at x 5, y 2; wanted finite"));
+    assert_eq!(open_counts(&path, None).unwrap().pixels, pixels);
     pixels[[1, 3]] = f32::NAN;
+    save(&path, &pixels, &steps()).unwrap();
+    let refusal = |path: &Path| open_counts(path, None).map(|_| ()).unwrap_err().to_string();
+    assert!(refusal(&path).contains("1 pixel is not finite, the first NaN at x 3, y 1; wanted finite values"));
     pixels[[3, 0]] = f32::INFINITY;
     save(&path, &pixels, &steps()).unwrap();
-    assert!(refusal(&path).contains("3 pixels are not a count, the first NaN at x 3, y 1"));
+    assert!(refusal(&path).contains("2 pixels are not finite, the first NaN at x 3, y 1"));
     assert!(open(&path).is_ok());
 }
 

@@ -48,24 +48,14 @@ pub(crate) fn guarded<T>(work: impl FnOnce() -> Result<T, Refusal>) -> Result<T,
     panic::catch_unwind(AssertUnwindSafe(work)).unwrap_or_else(|_| Err(damaged("the decoder gave up")))
 }
 
-/// Refuses pixels of an image `name` that are NaN, infinite or negative.
-pub(super) fn counts(image: Image, name: &str) -> Outcome<Image> {
-    let is_count = |value: f32| (0.0..f32::INFINITY).contains(&value);
-    checked(image, name, is_count, ["not a count", "wanted finite values that are not negative"])
-}
-
 /// Refuses pixels of an image `name` that are NaN or infinite.
 pub(super) fn finite(image: Image, name: &str) -> Outcome<Image> {
-    checked(image, name, f32::is_finite, ["not finite", "wanted finite values"])
-}
-
-fn checked(image: Image, name: &str, is_good: impl Fn(f32) -> bool, [what, wanted]: [&str; 2]) -> Outcome<Image> {
-    let bad = image.pixels.iter().filter(|&&value| !is_good(value)).count();
-    match image.pixels.indexed_iter().find(|&(_, &value)| !is_good(value)) {
+    let bad = image.pixels.iter().filter(|value| !value.is_finite()).count();
+    match image.pixels.indexed_iter().find(|(_, value)| !value.is_finite()) {
         None => Ok(image),
         Some(((y, x), value)) => {
-            let found = format!("{} {what}, the first {value} at x {x}, y {y}", pixels_are(bad));
-            Err(Error::new(name, found, wanted))
+            let found = format!("{} not finite, the first {value} at x {x}, y {y}", pixels_are(bad));
+            Err(Error::new(name, found, "wanted finite values"))
         }
     }
 }

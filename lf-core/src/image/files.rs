@@ -4,7 +4,7 @@ use super::black::ClippedBlack;
 use super::clipped::clipped_share;
 use super::{
     channel::Channel,
-    decode::{Image, counts, damaged, finite, guarded},
+    decode::{Image, damaged, finite, guarded},
     light_field,
     stack::Stack,
     tiff,
@@ -20,9 +20,10 @@ pub fn open(path: &Path) -> Result<Image> {
     Stack::open(path)?.only(None)
 }
 
-/// Reads like [`open`], colour by `channel`. Refuses pixels that are NaN, infinite or negative.
+/// Reads like [`open`], colour by `channel`. Refuses pixels that are NaN or infinite. Pixels may be negative: a
+/// background may have been subtracted.
 pub fn open_counts(path: &Path, channel: Option<Channel>) -> Result<Image> {
-    counts(Stack::open(path)?.only(channel)?, &io::name(path))
+    finite(Stack::open(path)?.only(channel)?, &io::name(path))
 }
 
 /// The paths, with each multi-page TIFF replaced by its pages `file.tif:0`, `file.tif:1` and so on. Pipes and files
@@ -70,8 +71,7 @@ pub struct Frame {
 
 /// Reads a frame, subtracts the background, sets negative results to 0, and divides by the flat field of `camera`,
 /// which was read from `camera_file`. Pixels below [`BLIND`], masked ones and those that its second stop cuts become
-/// NaN. All images are sensor-sized. A frame of floating-point pixels may be negative: its background is subtracted
-/// already.
+/// NaN. All images are sensor-sized.
 pub fn open_frame(
     path: &Path,
     files: FrameFiles,
@@ -103,7 +103,7 @@ fn read_frame(
     channel: Option<Channel>,
     is_signed: bool,
 ) -> Result<Frame> {
-    let mut image = finite(Stack::open(path)?.only(channel)?, &io::name(path))?;
+    let mut image = open_counts(path, channel)?;
     let (height, width) = image.pixels.dim();
     camera.check_image(&io::name(path), width, height)?;
     if let Some(file) = files.mask {

@@ -1,7 +1,7 @@
 //! Files of one image or many, read one image at a time.
 
 use super::channel::Channel;
-use super::decode::{Image, counts, guarded};
+use super::decode::{Image, finite, guarded};
 use super::{exr, light_field, png, tiff};
 use crate::io::{self, Bytes, Signature};
 use crate::{Error, Refusal, Result, history::History};
@@ -73,7 +73,7 @@ impl Stack {
 
     /// Decodes image `number`, from 0, as [`super::open_counts`] does. Panics if there is no such image.
     pub fn read(&self, number: usize, channel: Option<Channel>) -> Result<Image> {
-        counts(self.decode(number, channel)?, &self.name(number))
+        finite(self.decode(number, channel)?, &self.name(number))
     }
 
     /// Decodes image `number`, from 0; pixels may be negative or not finite. Panics if there is no such image.

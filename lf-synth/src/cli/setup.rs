@@ -106,14 +106,20 @@ pub fn check(value: &Value) -> std::result::Result<Scene, String> {
     if found.is_empty() { json::read(value) } else { Err(found.join(", ")) }
 }
 
-/// Reads an image of counts of shape (height, width).
+/// Reads an image of counts of shape (height, width), none of them negative.
 fn background(file: &Path, shape: (usize, usize), channel: Option<Channel>) -> Result<Array2<f32>> {
     let pixels = image::open_counts(file, channel)?.pixels;
-    if pixels.dim() == shape {
-        return Ok(pixels);
+    if pixels.dim() != shape {
+        let found = format!("background of {} x {} px", pixels.ncols(), pixels.nrows());
+        return Err(Error::new(io::name(file), found, format!("wanted the sensor's {} x {} px", shape.1, shape.0)));
     }
-    let found = format!("background of {} x {} px", pixels.ncols(), pixels.nrows());
-    Err(Error::new(io::name(file), found, format!("wanted the sensor's {} x {} px", shape.1, shape.0)))
+    match pixels.iter().find(|counts| **counts < 0.0) {
+        Some(counts) => {
+            let found = format!("background with pixels of {counts} counts");
+            Err(Error::new(io::name(file), found, "wanted light that is not negative"))
+        }
+        None => Ok(pixels),
+    }
 }
 
 #[cfg(test)]

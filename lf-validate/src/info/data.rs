@@ -29,7 +29,7 @@ pub fn image<'a>(
     about.line("counts", summary.to_string());
     about.line("zero pixels", format!("{}, {}", whole(summary.zero as u64), percent(summary.zero, summary.count)));
     if summary.min < 0.0 {
-        about.line("", "some are negative: no tool takes this as a light-field image");
+        about.line("", "some are negative, as where a background was subtracted");
     }
     about.history(history);
     about
