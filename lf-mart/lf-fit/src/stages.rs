@@ -325,11 +325,14 @@ impl<'a, 'o> Stages<'a, 'o> {
         let first = particles.cameras.first();
         let (pitch_px, [low, high]) = (first.camera.pitch_px(), first.depth_mm);
         let prior = Prior([pitch_px, pitch_px, (high - low) / first.pixel_mm, 1.0]);
+        // Beside the rim of a second stop light is right to 1 % only, which looks like another f-number and pitch: 31
+        // of 63 particles were then found within 1.5 px, and 63 with the camera as given.
+        let camera_may_move = options.free.camera && first.camera.second_stop.is_none();
         Self {
             particles,
             camera,
             options,
-            free: options.free,
+            free: Free { camera: camera_may_move, ..options.free },
             schedule,
             on_step,
             prior,
@@ -570,12 +573,10 @@ impl<'a, 'o> Stages<'a, 'o> {
     }
 
     /// Fits parameters of a camera that does not explain its image, one after another, the likeliest first. Returns
-    /// whether any was fitted. Beside the rim of a second stop light is right to 1 % only, which looks like another
-    /// f-number and pitch: 31 of 63 particles were then found within 1.5 px, and 63 with the camera as given.
+    /// whether any was fitted.
     fn correct_camera(&mut self) -> Result<bool, Refusal> {
         let given = self.free.lens;
-        let is_cut = self.particles.cameras.first().camera.second_stop.is_some();
-        while self.free.camera && self.is_alone() && !is_cut {
+        while self.free.camera && self.is_alone() {
             let all = Free { lens: [true; LENSES], ..self.free };
             let Particles { cameras, list, reach_px, .. } = &self.particles;
             let Some(sample) = Sample::new(cameras, list, *reach_px, all)? else { break };

@@ -218,22 +218,18 @@ impl SamplePart {
                 (0..=a).for_each(|b| sum.reduced[a][b] += weight * slopes[a] * slopes[b]);
             }
         }
-        let none = || vec![[0.0; UNKNOWNS]; state.images.len()];
-        let mixed: [Vec<[f64; UNKNOWNS]>; SHAPES] =
-            std::array::from_fn(|a| if is_free[a] { self.mixed(state, a, buffers) } else { none() });
-        // Eliminate the particles.
-        let own = conjugate_gradients(&normal, &normal.gradient, damping, limits);
-        // Unfinished solutions make the shape's steps shorter, never longer.
-        let solved: [Vec<[f64; UNKNOWNS]>; SHAPES] = std::array::from_fn(|a| match is_free[a] {
-            true => conjugate_gradients(&normal, &mixed[a], damping, limits),
-            false => none(),
-        });
+        // Eliminate the particles. Unfinished solutions make the shape's steps shorter, never longer.
+        let free: Vec<usize> = (0..SHAPES).filter(|a| is_free[*a]).collect();
+        let mixed: Vec<Vec<_>> = free.par_iter().map(|a| self.mixed(state, *a, buffers)).collect();
+        let solve = |right: &Vec<_>| conjugate_gradients(&normal, right, damping, limits);
+        let (own, solved): (_, Vec<Vec<_>>) =
+            rayon::join(|| solve(&normal.gradient), || mixed.par_iter().map(solve).collect());
         buffers.wipe();
-        for a in (0..SHAPES).filter(|a| is_free[*a]) {
-            sum.right[a] -= dot(&mixed[a], &own);
-            (0..=a).for_each(|b| sum.reduced[a][b] -= dot(&mixed[a], &solved[b]));
+        for (n, a) in free.iter().enumerate() {
+            sum.right[*a] -= dot(&mixed[n], &own);
+            (0..=n).for_each(|m| sum.reduced[*a][free[m]] -= dot(&mixed[n], &solved[m]));
         }
-        sum.particles.push(Solutions { own, solved });
+        sum.particles.push(Solutions { own, solved: free.into_iter().zip(solved).collect() });
     }
 
     /// Products of the slopes of each pixel's counts by a shared unknown with the derivatives of each particle.
@@ -317,16 +313,16 @@ pub(super) struct Equations {
     pub(super) squares: f64,
 }
 
-/// The own steps of particles, and those with a step of each unknown of the shape.
+/// The own steps of particles, and those with a step of each free unknown of the shape.
 struct Solutions {
     own: Vec<[f64; UNKNOWNS]>,
-    solved: [Vec<[f64; UNKNOWNS]>; SHAPES],
+    solved: Vec<(usize, Vec<[f64; UNKNOWNS]>)>,
 }
 
 impl Solutions {
     /// The steps of the particles beside one of the shape.
     fn steps(&self, shape: [f64; SHAPES]) -> Vec<[f64; UNKNOWNS]> {
-        let along = |n: usize, k: usize| (0..SHAPES).map(|a| self.solved[a][n][k] * shape[a]).sum::<f64>();
+        let along = |n: usize, k: usize| self.solved.iter().map(|(a, moves)| moves[n][k] * shape[*a]).sum::<f64>();
         (0..self.own.len()).map(|n| std::array::from_fn(|k| self.own[n][k] - along(n, k))).collect()
     }
 }
