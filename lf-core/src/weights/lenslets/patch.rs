@@ -60,13 +60,17 @@ impl LensletPatches {
         // Multiply, and add the slabs.
         let cell: f64 = slabs.iter().map(|slab| (slab.x[1] - slab.x[0]) * (slab.y[1] - slab.y[0])).sum();
         let most = cell.min(step_mm * step_mm);
-        let mut shares = vec![0f32; phases * phases * rows * columns];
+        let (mut shares, mut sums) = (vec![0f32; phases * phases * rows * columns], vec![0f64; columns]);
         shares.chunks_mut(rows * columns).enumerate().for_each(|(n, patch)| {
             let (down, across) = (&down[n / phases], &across[n % phases]);
             for (row, shares) in patch.chunks_mut(columns).enumerate() {
-                for (column, share) in shares.iter_mut().enumerate() {
-                    let sum: f64 = down.iter().zip(across).map(|(down, across)| down[row] * across[column]).sum();
-                    *share = if sum > LEAST * most { sum as f32 } else { 0.0 };
+                sums.fill(0.0);
+                // A row meets few of the slabs.
+                for (down, across) in down.iter().zip(across).filter(|(down, _)| down[row] != 0.0) {
+                    sums.iter_mut().zip(across).for_each(|(sum, across)| *sum += down[row] * across);
+                }
+                for (share, sum) in shares.iter_mut().zip(&sums) {
+                    *share = if *sum > LEAST * most { *sum as f32 } else { 0.0 };
                 }
             }
         });
