@@ -86,7 +86,10 @@ struct Compared {
     kept: usize,
 }
 
-/// Compares one in 13 voxels of some slices with their rays, traced one by one. Rays within the tolerance of the exact
+/// One in this number of voxels is compared.
+const ONE_IN: usize = 19;
+
+/// Compares some voxels of some slices with their rays, traced one by one. Rays within the tolerance of the exact
 /// ones must explain whether a voxel is kept, and its score.
 fn compare(
     image: &Array2<f32>,
@@ -107,7 +110,7 @@ fn compare(
     for z in slices {
         let kept = scorer.slice(*z, &whole(grid));
         assert!(kept.is_sorted_by(|a, b| a.0 < b.0));
-        for place in (0..grid.shape[0] * grid.shape[1]).step_by(13) {
+        for place in (0..grid.shape[0] * grid.shape[1]).step_by(ONE_IN) {
             let voxel = [place % grid.shape[0], place / grid.shape[0]];
             let Some(bounds) = oracle.bounds(voxel, *z) else { continue };
             let found = kept.binary_search_by_key(&(place as u32), |(place, _)| *place).ok().map(|n| kept[n].1);

@@ -8,7 +8,7 @@ use crate::{Method, Options, Plan, Reconstruction, Start, Until};
 use lf_core::lattice::Layout;
 use lf_core::weights::{Basis, Model, Path, RowSet, Scratch};
 use lf_core::{Camera, Grid, Refusal, Weights};
-use ndarray::{Array1, Array2};
+use ndarray::{Array1, Array2, ShapeBuilder};
 
 const SUBSETS: usize = 14;
 
@@ -58,10 +58,10 @@ enum Way {
     Engine,
 }
 
-/// W, pixels by voxels.
+/// W, pixels by voxels. A voxel's weights lie side by side.
 fn matrix(weights: &Weights, indices: &[u64], way: Way) -> Array2<f64> {
     let [width, height] = weights.sensor_px();
-    let mut matrix = Array2::zeros((width * height, indices.len()));
+    let mut matrix = Array2::zeros((width * height, indices.len()).f());
     let mut scratch = Scratch::default();
     for (n, index) in indices.iter().enumerate() {
         if way == Way::Engine
@@ -99,6 +99,13 @@ fn matrix(weights: &Weights, indices: &[u64], way: Way) -> Array2<f64> {
     matrix
 }
 
+/// W times the strengths.
+fn light(matrix: &Array2<f64>, strengths: &[f32]) -> Array1<f64> {
+    let mut sum = Array1::zeros(matrix.nrows());
+    matrix.columns().into_iter().zip(strengths).for_each(|(column, e)| sum.scaled_add(f64::from(*e), &column));
+    sum
+}
+
 /// Voxels of known strengths, and a camera's image of them, in f32 as from a sensor.
 struct Scene {
     camera: Camera,
@@ -127,7 +134,7 @@ impl Scene {
         let way = if method == Method::Mart { Way::Slow } else { Way::Kept };
         let matrix = matrix(&weights, &indices, way);
         let strengths: Vec<f32> = (0..indices.len()).map(strength).collect();
-        let pixels = matrix.dot(&Array1::from_iter(strengths.iter().map(|e| f64::from(*e))));
+        let pixels = light(&matrix, &strengths);
         let [width, height] = weights.sensor_px();
         let image = Array2::from_shape_fn((height, width), |(row, column)| pixels[row * width + column] as f32);
         Self { camera, grid, indices, strengths, matrix, image }
@@ -173,7 +180,7 @@ fn projections_are_the_matrix_and_its_transpose() {
             }
             for (way, operator) in &mut operators {
                 let matrix = matrix(&weights, &indices, *way);
-                let pixels = matrix.dot(&Array1::from_iter(strengths.iter().map(|e| f64::from(*e))));
+                let pixels = light(&matrix, &strengths);
                 let mut plane = Plane::new(width, height);
                 // Buffers start dirty: old values of a row may not show.
                 plane.values.fill(f32::NAN);

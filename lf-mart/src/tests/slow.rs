@@ -26,7 +26,10 @@ pub(super) fn simultaneous(
         for n in 0..subsets {
             let subset = n * 5 % subsets;
             let mine: Vec<usize> = (0..pixels).filter(|i| i / width % subsets == subset).collect();
-            let p: Vec<f64> = mine.iter().map(|&i| (0..count).map(|j| matrix[[i, j]] * e[j]).sum()).collect();
+            let mut p = vec![0.0; mine.len()];
+            for j in 0..count {
+                mine.iter().zip(&mut p).for_each(|(&i, p)| *p += matrix[[i, j]] * e[j]);
+            }
             for (&i, p) in mine.iter().zip(&p).filter(|(_, p)| **p > 0.0) {
                 off += (image[i] - p).powi(2);
                 all += image[i].powi(2);
@@ -71,8 +74,9 @@ pub(super) fn mart(matrix: &Array2<f64>, image: &Array1<f64>, sweeps: usize, rel
     let mut e = vec![image.sum() / count as f64; count];
     for _ in 0..sweeps {
         for i in 0..pixels {
-            let p: f64 = (0..count).map(|j| matrix[[i, j]] * e[j]).sum();
-            for j in 0..count {
+            let seen: Vec<usize> = (0..count).filter(|j| matrix[[i, *j]] > 0.0).collect();
+            let p: f64 = seen.iter().map(|j| matrix[[i, *j]] * e[*j]).sum();
+            for j in seen {
                 e[j] *= (image[i].max(dark) / p.max(dark)).powf(relaxation * matrix[[i, j]]);
             }
         }
