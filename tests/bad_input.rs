@@ -73,7 +73,7 @@ fn an_image_of_another_size_than_the_camera_is_refused() {
 }
 
 #[test]
-fn pixels_other_than_counts_are_refused() {
+fn pixels_that_are_not_finite_are_refused() {
     let samples = Samples::new();
     for (name, value) in [("bad-nan.exr", f32::NAN), ("bad-infinite.exr", f32::INFINITY)] {
         let bad = samples.frame(name, |x, y| if (x, y) == (30, 70) { value } else { 100.0 });

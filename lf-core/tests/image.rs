@@ -259,7 +259,7 @@ fn a_tiff_takes_one_buffer_of_its_size() {
 }
 
 #[test]
-fn what_is_no_count_is_counted_and_placed() {
+fn pixels_that_are_not_finite_are_counted_and_placed() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("frame.exr");
     let mut pixels = ramp(4, 6);
