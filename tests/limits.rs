@@ -107,8 +107,8 @@ fn the_estimated_memory_is_the_memory_taken() {
     for layout in ["square", "hexagonal"] {
         let layout = format!("camera.microlenses.layout={layout}");
         let keys = [layout.as_str(), "truth=null", "frames=1", "particles.rays=3000", "particles.per_lenslet=2"];
-        let sides = ["camera.sensor.width=770", "camera.sensor.height=770"];
-        let bounds = ["volume.x_mm=[-1.6,1.6]", "volume.y_mm=[-1.6,1.6]"];
+        let sides = ["camera.sensor.width=560", "camera.sensor.height=560"];
+        let bounds = ["volume.x_mm=[-1.2,1.2]", "volume.y_mm=[-1.2,1.2]"];
         folder.scene("demo", &[&keys[..], &sides, &bounds].concat());
         folder.run("lf-synth frames scene.json -o . -q");
         let on_frame = "-i frame-0000.exr -c camera.json";

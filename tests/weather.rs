@@ -62,7 +62,7 @@ pub fn pipeline(folder: &Path, out: &Path, more: &[&str]) -> Command {
     command.args([name("BIN", from.join("tools")) + "/", name("WHITE", from.join("white.exr"))]);
     command.args([name("NOMINAL", from.join("taken/camera.json")), name("OUT", out.to_owned())]);
     command.args(["PVR=1,1,10", "DEPTH=-1,1", "BOUNDS=-0.231,0.231,-0.231,0.231", "INITIAL_MM=0.3,0.3,1"]);
-    command.args(["WINDOW_MM=0.15,0.15,0.5", "THREADS=1", "FIT=0"]).args(more);
+    command.args(["WINDOW_MM=0.2,0.2,0.8", "THREADS=1", "FIT=0"]).args(more);
     command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
     command
 }

@@ -9,7 +9,7 @@ use super::axis::Axis;
 use super::cell_surface::{Ladder, REACH_SIGMA};
 use super::departure::{Bumps, Departure, Stop};
 use super::fine::{DARK, LEAST_VARIANCE, MOST_SHIFT};
-use super::inside::{Inside, in_round, in_square};
+use super::inside::StopRim;
 use super::lenslet_image::{Cut, LensletImage, Listed, Patch, Scratch};
 use super::lenslet_lines::LensletLine;
 use super::picture_means::{NUMBERS, PictureMeans};
@@ -17,6 +17,7 @@ use super::pictures::LANES;
 use super::quantities::{LIGHT, PLACES, QUANTITIES};
 use super::sensor_blur::SensorBlur;
 use super::view::View;
+use crate::simd::fastest;
 use glam::DVec2;
 
 /// Largest departure of a lenslet from a picture, px at the edge of its cell.
@@ -209,16 +210,16 @@ impl<T: Listed> LensletImage<'_, T> {
 
         places.clear();
         places.resize(columns * rows, [0.0; PLACES]);
-        let light = (&*even, departure.as_ref());
-        let least = LEAST_VARIANCE * factors.variance;
-        match (is_whole, is_round) {
-            (true, _) if N <= LIGHT && departure.is_none() => {
-                let lit = places.iter_mut().zip(&even.means[0]).filter(|(_, mean)| **mean > DARK);
-                lit.for_each(|(out, mean)| out[0] = factors.scale * mean);
-            }
-            (true, _) => factors.light(light, places, |_, _, _| (1.0, [0.0; 2], 0.0)),
-            (_, true) => factors.light(light, places, |u, v, mixed| in_round(stop.half, u, v, mixed, least)),
-            (_, false) => factors.light(light, places, |u, v, _| in_square(stop.half, u, v)),
+        if N <= LIGHT && is_whole && departure.is_none() {
+            let lit = places.iter_mut().zip(&even.means[0]).filter(|(_, mean)| **mean > DARK);
+            lit.for_each(|(out, mean)| out[0] = factors.scale * mean);
+        } else {
+            let rim = match (is_whole, is_round) {
+                (true, _) => StopRim::Far,
+                (_, true) => StopRim::Round(LEAST_VARIANCE * factors.variance),
+                (_, false) => StopRim::Square,
+            };
+            factors.light((even, departure.as_ref()), rim, places);
         }
         let [column, row] = [left, top].map(|first| first as u32);
         Some(Some(Patch { column, row, columns: columns as u32, rows: rows as u32 }))
@@ -246,14 +247,21 @@ impl<T: Listed> LensletImage<'_, T> {
 }
 
 impl Factors {
-    /// The light of pixels and its derivatives by place. `inside(middle, variance, mixed)` is the share of a bump that
-    /// lies inside the stop, and its derivatives by the middle and by the stop's half side.
+    /// The light of pixels and its derivatives by place.
+    #[inline(never)]
+    fn light(&self, light: (&PictureMeans, Option<&Departure>), rim: StopRim, out: &mut [[f32; PLACES]]) {
+        fastest(
+            #[inline(always)]
+            || self.fill(light, rim, out),
+        );
+    }
+
     #[inline(always)]
-    fn light(
+    fn fill(
         &self,
         (PictureMeans { means, places, .. }, departure): (&PictureMeans, Option<&Departure>),
+        rim: StopRim,
         out: &mut [[f32; PLACES]],
-        inside: impl Fn([f32; 2], [f32; 2], f32) -> Inside,
     ) {
         let v = self.variance;
         let (most, least) = (MOST_SHIFT * v.sqrt(), LEAST_VARIANCE);
@@ -277,14 +285,20 @@ impl Factors {
                 bumps.widths[2][n] = (1.0 + v * yy).max(least);
             }
             let moved = if let Some(departure) = departure { departure.follow(&bumps, &means, v) } else { means };
+            let (mut middles, mut wide) = (bumps.places, bumps.widths);
+            for n in 0..LANES {
+                middles[0][n] -= self.stop.middle[0];
+                middles[1][n] -= self.stop.middle[1];
+                (wide[0][n], wide[1][n], wide[2][n]) = (v * wide[0][n], v * wide[1][n], v * wide[2][n]);
+            }
+            let passed = rim.passed(self.stop.half, &middles, &wide);
             let mut numbers = [[0f32; LANES]; PLACES];
             for n in 0..LANES {
                 let (mean, slope, xx, yy) = (moved[0][n], [moved[1][n], moved[2][n]], moved[3][n], moved[5][n]);
                 let q = [places[0][n], places[1][n]];
                 let [log_x, log_y, log_xx, log_xy, log_yy] = [0, 1, 2, 3, 4].map(|number| logs[number][n]);
-                let u = [bumps.places[0][n] - self.stop.middle[0], bumps.places[1][n] - self.stop.middle[1]];
-                let [wide_x, mixed, wide_y] = [0, 1, 2].map(|number| v * bumps.widths[number][n]);
-                let (share, by_u, by_half) = inside(u, [wide_x, wide_y], mixed);
+                let (share, by_half) = (passed.share[n], passed.by_half[n]);
+                let by_u = [passed.by_middle[0][n], passed.by_middle[1][n]];
                 let (of_mean, of_share) = (self.scale * share, self.scale * mean);
                 let light = of_mean * mean;
                 // By m along x, m along y and alpha: the picture moves, and the bump with it.

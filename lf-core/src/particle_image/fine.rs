@@ -22,14 +22,16 @@
 use super::axis::Axis;
 use super::beam::{TERMS, curvature_of_terms, sum_of_terms};
 use super::cell_surface::Ladder;
+use super::fine_light::FineLight;
 use super::fine_sensor::FineSensor;
-use super::inside::{Inside, in_round, in_square};
+use super::inside::{Eight, Passed, StopRim};
 use super::lenslet_image::{LensletImage, Listed, Patch, Scratch};
 use super::lenslet_lines::LensletLine;
 use super::pictures::LANES;
 use super::quantities::{LIGHT, PLACES, QUANTITIES};
 use super::sensor_blur::SensorBlur;
 use super::spots::Spots;
+use crate::simd::fastest;
 use glam::DVec2;
 
 /// A place with a smaller mean of the cell is dark.
@@ -43,9 +45,6 @@ const REACH: f32 = 3.5;
 /// Largest correction of the variance of a spot, over the variance.
 const MOST_STRETCH: f32 = 0.6;
 
-/// Numbers of eight places.
-type Eight = [f32; LANES];
-
 /// A lenslet. Places in the stop count half apertures, those on the array are from the lenslet's centre, mm.
 struct Lenslet {
     /// Places in the stop of the first finer pixel, and the way to the next one.
@@ -56,14 +55,13 @@ struct Lenslet {
     /// The rest of the hits of bent rays.
     bend: Option<[[f32; TERMS]; 2]>,
     is_round: bool,
+    rim: StopRim,
     /// The variance of K along both axes.
     kernel: [f32; 2],
     /// Half sides of the box around the cell, mm.
     corner: [f32; 2],
     /// Light passes the stop within these places.
     inside: [f32; 2],
-    /// Whether the stop cuts nothing of what the cell takes of the spot.
-    is_whole: bool,
     /// From a mean to light.
     scale: f32,
     /// Motions by m, alpha and the lattice's shift along both axes: of the place in the stop, plain and by the place,
@@ -79,6 +77,17 @@ struct Lenslet {
     by_size: [f32; 2],
     /// Variance of the spot, mm^2.
     spot_mm2: f32,
+}
+
+/// The cell and the bumps at eight places in the stop.
+struct Seen {
+    mean: Eight,
+    /// The slope of its logarithm on the array, and the curvature: first along u by x and by y, then along v.
+    slopes: [Eight; 2],
+    bends: [Eight; 4],
+    /// Middles of the bumps, and their variances: along u, mixed, and along v.
+    middles: [Eight; 2],
+    widths: [Eight; 3],
 }
 
 impl<T: Listed> LensletImage<'_, T> {
@@ -128,6 +137,11 @@ impl<T: Listed> LensletImage<'_, T> {
         let shift = DVec2::splat(by_shift) * per_slope - gamma;
         let numbers = |pair: DVec2| pair.as_vec2().to_array();
         let rest = beam.rest(chief + centre, alpha, half);
+        let rim = match view.has_round_stop {
+            _ if !beam.is_bent() && self.is_inside_stop(axes, alpha) => StopRim::Far,
+            true => StopRim::Round(LEAST_VARIANCE * (kernel.x as f32).min(kernel.y as f32)),
+            false => StopRim::Square,
+        };
         Lenslet {
             first: DVec2::new(place(0), place(1)) / half,
             step: step / half,
@@ -135,10 +149,10 @@ impl<T: Listed> LensletImage<'_, T> {
             alpha: alpha * half,
             bend: rest.map(|rest| [0, 1].map(|n| rest.map(|term| term[n] as f32))),
             is_round: view.has_round_stop,
+            rim,
             kernel: numbers(kernel),
             corner: numbers(view.corner),
             inside: numbers(inside),
-            is_whole: !beam.is_bent() && self.is_inside_stop(axes, alpha),
             scale: (share * (per_slope.x * per_slope.y).abs() / (parts * parts) / view.stop_mm2) as f32,
             stop_by_m: numbers(gamma / half),
             stop_by_shift: numbers(shift / half),
@@ -162,30 +176,12 @@ impl<T: Listed> LensletImage<'_, T> {
         (sensor, [columns, rows]): (&FineSensor, [usize; 2]),
         scratch: &mut Scratch,
     ) {
-        let parts = sensor.parts;
         let Scratch { fine: light, spots, .. } = scratch;
         light.begin(sensor, [columns, rows], N.min(QUANTITIES - 1));
-        spots.begin((rows * parts) * parts * columns.next_multiple_of(LANES));
-        for row in 0..rows * parts {
-            let v = (lenslet.first[1] + lenslet.step[1] * row as f64) as f32;
-            if !lenslet.is_lit(1, v) {
-                continue;
-            }
-            for part in 0..parts {
-                let start = light.start(row, part);
-                let first = (lenslet.first[0] + lenslet.step[0] * part as f64) as f32;
-                lenslet.add_lit(spots, (first, v), (start as u32, columns), parts as f32);
-            }
-        }
-        let round = lenslet.follow(spots);
+        let round = lenslet.find(spots, light, (sensor.parts, [columns, rows]));
         let sigma_mm = f64::from(lenslet.spot_mm2 + round).sqrt();
         T::fill_means(ladder, sigma_mm, spots);
-        let least = LEAST_VARIANCE * lenslet.kernel[0].min(lenslet.kernel[1]);
-        match (lenslet.is_whole, lenslet.is_round) {
-            (true, _) => lenslet.light::<N>(spots, round, |_, _, _| (1.0, [0.0; 2], 0.0)),
-            (_, true) => lenslet.light::<N>(spots, round, |u, v, mixed| in_round(1.0, u, v, mixed, least)),
-            (_, false) => lenslet.light::<N>(spots, round, |u, v, _| in_square(1.0, u, v)),
-        }
+        lenslet.light::<N>(spots, round);
         for (quantity, numbers) in spots.light.iter().enumerate().take(N.min(QUANTITIES - 1)) {
             light.set(quantity, &spots.at[..spots.count], numbers);
         }
@@ -233,6 +229,31 @@ impl<T: Listed> LensletImage<'_, T> {
 }
 
 impl Lenslet {
+    /// Finds the spots and follows their rays to the array. Gives the mean variance of K there, mm^2.
+    #[inline(never)]
+    fn find(&self, spots: &mut Spots, light: &FineLight, (parts, [columns, rows]): (usize, [usize; 2])) -> f32 {
+        let mut round = 0.0;
+        spots.begin((rows * parts) * parts * columns.next_multiple_of(LANES));
+        fastest(
+            #[inline(always)]
+            || {
+                for row in 0..rows * parts {
+                    let v = (self.first[1] + self.step[1] * row as f64) as f32;
+                    if !self.is_lit(1, v) {
+                        continue;
+                    }
+                    for part in 0..parts {
+                        let start = light.start(row, part);
+                        let first = (self.first[0] + self.step[0] * part as f64) as f32;
+                        self.add_lit(spots, (first, v), (start as u32, columns), parts as f32);
+                    }
+                }
+                round = self.follow(spots);
+            },
+        );
+        round
+    }
+
     /// Whether straight rays through a place along an axis can meet the cell; all that pass the stop if rays bend.
     #[inline(always)]
     fn is_lit(&self, n: usize, place: f32) -> bool {
@@ -364,9 +385,16 @@ impl Lenslet {
     }
 
     /// The light of the spots and its derivatives. `round` is the variance of K in their means, mm^2.
-    /// `inside(middle, variance, mixed)` is the part of a bump inside the stop.
+    #[inline(never)]
+    fn light<const N: usize>(&self, spots: &mut Spots, round: f32) {
+        fastest(
+            #[inline(always)]
+            || self.fill_light::<N>(spots, round),
+        );
+    }
+
     #[inline(always)]
-    fn light<const N: usize>(&self, spots: &mut Spots, round: f32, inside: impl Fn([f32; 2], [f32; 2], f32) -> Inside) {
+    fn fill_light<const N: usize>(&self, spots: &mut Spots, round: f32) {
         let room = spots.room();
         let Spots { stop, by, means, light, .. } = spots;
         for first in (0..room).step_by(LANES) {
@@ -375,24 +403,21 @@ impl Lenslet {
             let by = [eight(&by[0]), eight(&by[1]), eight(&by[2]), eight(&by[3])];
             let [a, b, c, d, e, f] = means;
             let means = [eight(a), eight(b), eight(c), eight(d), eight(e), eight(f)];
-            let numbers = self.eight::<N>((&stop, &by), (&means, round), &inside);
+            let numbers = self.eight::<N>((&stop, &by), (&means, round));
             for (list, numbers) in light.iter_mut().zip(&numbers).take(N) {
                 list[first..first + LANES].copy_from_slice(numbers);
             }
         }
     }
 
+    /// Finds the mean of the cell and the bumps at eight places.
     #[inline(always)]
-    fn eight<const N: usize>(
-        &self,
-        (stop, by): (&[Eight; 2], &[Eight; 4]),
-        (means, round): (&[Eight; 6], f32),
-        inside: &impl Fn([f32; 2], [f32; 2], f32) -> Inside,
-    ) -> [Eight; QUANTITIES] {
-        let mut numbers = [[0f32; LANES]; QUANTITIES];
+    fn seen(&self, (stop, by): (&[Eight; 2], &[Eight; 4]), (means, round): (&[Eight; 6], f32)) -> Seen {
         let [kx, ky] = self.kernel;
         let far = [MOST_SHIFT * kx.sqrt(), MOST_SHIFT * ky.sqrt()];
         let least = [LEAST_VARIANCE * kx, LEAST_VARIANCE * ky];
+        let none = [0f32; LANES];
+        let mut seen = Seen { mean: none, slopes: [none; 2], bends: [none; 4], middles: [none; 2], widths: [none; 3] };
         for k in 0..LANES {
             let (mean, x, y) = (means[0][k], means[1][k], means[2][k]);
             let (xx, xy, yy) = (means[3][k], means[4][k], means[5][k]);
@@ -413,9 +438,29 @@ impl Lenslet {
             let (vx, vy) = (b * lxx + d * lxy, b * lxy + d * lyy);
             let (luu, luv, lvv) = (ux * a + uy * c, vx * a + vy * c, vx * b + vy * d);
             let (u, v) = (stop[0][k], stop[1][k]);
-            let middle = [u + (kx * gu).max(-far[0]).min(far[0]), v + (ky * gv).max(-far[1]).min(far[1])];
-            let variance = [(kx + kx * kx * luu).max(least[0]), (ky + ky * ky * lvv).max(least[1])];
-            let (share, by_middle, _) = inside(middle, variance, kx * ky * luv);
+            seen.middles[0][k] = u + (kx * gu).max(-far[0]).min(far[0]);
+            seen.middles[1][k] = v + (ky * gv).max(-far[1]).min(far[1]);
+            seen.widths[0][k] = (kx + kx * kx * luu).max(least[0]);
+            seen.widths[1][k] = kx * ky * luv;
+            seen.widths[2][k] = (ky + ky * ky * lvv).max(least[1]);
+            (seen.mean[k], seen.slopes[0][k], seen.slopes[1][k]) = (mean, gx, gy);
+            (seen.bends[0][k], seen.bends[1][k], seen.bends[2][k], seen.bends[3][k]) = (ux, uy, vx, vy);
+        }
+        seen
+    }
+
+    #[inline(always)]
+    fn eight<const N: usize>(
+        &self,
+        (stop, by): (&[Eight; 2], &[Eight; 4]),
+        (means, round): (&[Eight; 6], f32),
+    ) -> [Eight; QUANTITIES] {
+        let [kx, ky] = self.kernel;
+        let seen = self.seen((stop, by), (means, round));
+        let Passed { share, by_middle, .. } = self.rim.passed(1.0, &seen.middles, &seen.widths);
+        let mut numbers = [[0f32; LANES]; QUANTITIES];
+        for k in 0..LANES {
+            let (mean, share, by_middle) = (seen.mean[k], share[k], [by_middle[0][k], by_middle[1][k]]);
             let lit = if mean > DARK { self.scale } else { 0.0 };
             let (of_mean, of_share) = (lit * share, lit * mean);
             let light = of_mean * mean;
@@ -423,6 +468,11 @@ impl Lenslet {
             if N <= LIGHT {
                 continue;
             }
+            let (u, v) = (stop[0][k], stop[1][k]);
+            let (x, y, xx, yy) = (means[1][k], means[2][k], means[3][k], means[5][k]);
+            let (a, b, c, d) = (by[0][k], by[1][k], by[2][k], by[3][k]);
+            let [gx, gy] = [seen.slopes[0][k], seen.slopes[1][k]];
+            let [ux, uy, vx, vy] = [0, 1, 2, 3].map(|n| seen.bends[n][k]);
             // The light changes as the hit and the place in the stop move.
             let moves = |hit: [f32; 2], stop: [f32; 2]| {
                 let hit = [hit[0] + a * stop[0] + b * stop[1], hit[1] + c * stop[0] + d * stop[1]];

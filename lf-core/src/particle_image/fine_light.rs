@@ -3,6 +3,7 @@
 use super::fine_sensor::FineSensor;
 use super::pictures::LANES;
 use super::quantities::QUANTITIES;
+use crate::simd::fastest;
 
 /// Light and derivatives in finer pixels, and what comes of it.
 #[derive(Debug, Default)]
@@ -53,8 +54,16 @@ impl FineLight {
 
 impl FineSensor {
     /// Smooths finer pixels to pixels, which begin `reach` pixels before them.
-    #[inline(always)]
+    #[inline(never)]
     pub(super) fn smooth(&self, light: &mut FineLight, rows: usize, is_by_blur: bool) {
+        fastest(
+            #[inline(always)]
+            || self.smooth_all(light, rows, is_by_blur),
+        );
+    }
+
+    #[inline(always)]
+    fn smooth_all(&self, light: &mut FineLight, rows: usize, is_by_blur: bool) {
         self.smooth_rows(light, (rows, light.quantities), &self.weights[0]);
         for quantity in 0..light.quantities {
             self.smooth_columns(light, (quantity, quantity), &self.weights[0]);

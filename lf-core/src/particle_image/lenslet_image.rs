@@ -19,6 +19,7 @@ use super::spots::Spots;
 use super::table::Table;
 use super::view::View;
 use crate::normal::quick_distribution;
+use crate::simd::fastest;
 use glam::DVec2;
 
 /// A rectangle of pixels.
@@ -302,19 +303,27 @@ impl<T: Listed> LensletImage<'_, T> {
     }
 
     /// The light of a pixel that the rim of a round stop crosses.
-    #[inline(always)]
+    #[inline(never)]
     pub(super) fn at_rim<const N: usize>(&self, x: &[Place], y: &[Place], cut: Cut) -> [f64; QUANTITIES] {
         let mut light = [0.0; QUANTITIES];
+        fastest(
+            #[inline(always)]
+            || self.add_rim::<N>(&mut light, x, y, cut),
+        );
+        light
+    }
+
+    #[inline(always)]
+    fn add_rim<const N: usize>(&self, light: &mut [f64; QUANTITIES], x: &[Place], y: &[Place], cut: Cut) {
         if cut.by_points {
-            self.by_strip_points::<N>(&mut light, x, y, cut);
+            self.by_strip_points::<N>(light, x, y, cut);
             light.iter_mut().for_each(|value| *value /= self.view.stop_mm2);
         } else {
-            self.by_strips::<N>(&mut light, x, y, cut.alpha);
+            self.by_strips::<N>(light, x, y, cut.alpha);
             let scale = cut.scale(x, y, self.view.stop_mm2);
             light.iter_mut().for_each(|value| *value *= scale);
             light[3] -= light[0] * (1.0 / cut.alpha.x + 1.0 / cut.alpha.y);
         }
-        light
     }
 
     /// The tables' value and derivatives by m, alpha, size and shift, for one place along each axis. Gives the slopes

@@ -2,6 +2,7 @@
 
 use super::pictures::{LANES, PHASES, Picture};
 use super::spline::Stencil;
+use crate::simd::fastest;
 
 /// Numbers of a mean: level, slopes along x and y, and curvatures xx, xy and yy.
 pub(super) const NUMBERS: usize = 6;
@@ -27,8 +28,16 @@ impl PictureMeans {
     }
 
     /// Reads the first K numbers of the means of pixels, whose first one lies `first` px from the picture's middle.
+    #[inline(never)]
+    pub(super) fn read<const K: usize>(&mut self, first: [f64; 2], size: [usize; 2]) {
+        fastest(
+            #[inline(always)]
+            || self.read_all::<K>(first, size),
+        );
+    }
+
     #[inline(always)]
-    pub(super) fn read<const K: usize>(&mut self, first: [f64; 2], [columns, rows]: [usize; 2]) {
+    fn read_all<const K: usize>(&mut self, first: [f64; 2], [columns, rows]: [usize; 2]) {
         let Self { picture: Picture { half, values }, means, places, .. } = self;
         let width = [2 * half[0], 2 * half[1]];
         let stencil = |axis: usize| {

@@ -12,10 +12,11 @@ use super::quantities::{LIGHT, PLACES, QUANTITIES};
 use super::rim::Side;
 use super::share::{Share, Shared};
 use super::table::Table;
+use crate::simd::fastest;
 
 impl Share {
     /// Finds the share of a lenslet along axis `n`, unless it is the same as before. Gives whether it was not.
-    #[inline(always)]
+    #[inline(never)]
     fn find(
         &mut self,
         image: &LensletImage<'_, Cross>,
@@ -28,13 +29,28 @@ impl Share {
             return false;
         }
         (self.axis, self.by_points) = (Some(*axis), by_points);
+        fastest(
+            #[inline(always)]
+            || self.fill(image, (n, axis), (alpha, by_shift), sums),
+        );
+        true
+    }
+
+    #[inline(always)]
+    fn fill(
+        &mut self,
+        image: &LensletImage<'_, Cross>,
+        (n, axis): (usize, &Axis),
+        (alpha, by_shift): (f64, f64),
+        sums: &mut EdgeSums,
+    ) {
         let half = image.view.optics.half_aperture_mm;
         let blur = image.view.blur.as_ref();
         (self.first, self.end) = image.lit(n, axis, alpha).unwrap_or((0, 0));
         self.edges.clear();
         self.factors.clear();
         if self.first == self.end {
-            return true;
+            return;
         }
         for edge in self.first..=self.end {
             // Light of the stop's rim reaches pixels beyond on a blurred sensor.
@@ -44,12 +60,11 @@ impl Share {
         if let Some(blur) = blur {
             let span = Span { axis, alpha, corner: image.view.corner[n], first: self.first, edges: &self.edges };
             image.blurred_factors(blur, &span, sums, &mut self.factors);
-        } else if by_points {
+        } else if self.by_points {
             image.means(n, &self.edges, &mut self.factors);
         } else {
             image.differences(n, alpha, &self.edges, &mut self.factors);
         }
-        true
     }
 }
 
