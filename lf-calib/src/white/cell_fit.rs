@@ -26,7 +26,7 @@ impl FollowedLattice {
     pub fn fit(&mut self, image: ArrayView2<f32>) -> Result<(), Refusal> {
         let kept = self.fit_smooth()?;
         let followed = self.least_cut(chosen(&self.fits, &kept), image.dim());
-        self.cell = self.fit_cell(image, &followed).ok_or_else(|| few(followed.len()))?;
+        (self.stop, self.cell) = self.fit_cell(image, &followed).ok_or_else(|| few(followed.len()))?;
         Ok(())
     }
 
@@ -43,8 +43,8 @@ impl FollowedLattice {
     }
 
     /// The mean cell about the smooth lattice: its round or square part, whichever explains more, plus the remainder if
-    /// that is large enough.
-    fn fit_cell(&self, image: ArrayView2<f32>, fits: &[(DVec2, LensletFit)]) -> Option<MeanCell> {
+    /// that is large enough. A lattice that rests has found its stop.
+    fn fit_cell(&self, image: ArrayView2<f32>, fits: &[(DVec2, LensletFit)]) -> Option<(Aperture, MeanCell)> {
         let basis = self.basis_px;
         let knots = knots_of(basis, TABLE_PER_PX, TABLE);
         let thin = thinned(fits, basis, if self.is_whole { ROUND_PIXELS } else { ROUND_PIXELS / ROUGH });
@@ -57,14 +57,16 @@ impl FollowedLattice {
                 |(equations, line), offset, value| equations.add(offset, value, line),
                 |(sum, _), (equations, _)| sum.merge(equations),
             );
-            sum.0.solve(knots)
+            let (explained, table) = sum.0.solve(knots)?;
+            Some((explained, stop, table))
         };
         // Round parts alone would leave an error of 0.06 % in the pitch of squares in line with the pixels.
-        let parts = [part(Aperture::Circle), part(Aperture::Square)].into_iter().flatten();
-        let mut table = parts.max_by(|a, b| a.0.total_cmp(&b.0))?.1;
+        let is_open = |stop: &Aperture| !self.is_settled || *stop == self.stop;
+        let parts = [Aperture::Circle, Aperture::Square].into_iter().filter(is_open).filter_map(part);
+        let (_, stop, mut table) = parts.max_by(|a, b| a.0.total_cmp(&b.0))?;
         let cell = MeanCell::through(knots, &table);
         if !self.is_settled {
-            return Some(cell);
+            return Some((stop, cell));
         }
 
         let to_cell = basis.inverse();
@@ -78,10 +80,10 @@ impl FollowedLattice {
         let remainder = remainder.solve(true);
         let left: Vec<f64> = (0..table.len()).map(|knot| remainder.at(MeanCell::place(knots, knot)).0).collect();
         if deviation(&left) / deviation(&table) < LEAST_REMAINDER {
-            return Some(cell);
+            return Some((stop, cell));
         }
         table.iter_mut().zip(&left).for_each(|(round, left)| *round += *left);
-        Some(MeanCell::through(knots, &table))
+        Some((stop, MeanCell::through(knots, &table)))
     }
 
     /// A sum over pixels of lenslets. `add` gets a pixel's offset from the smooth lattice and (count - floor) / gain.

@@ -12,7 +12,7 @@ use super::{
 };
 use crate::fit::polynomial::{Polynomial, middle_px};
 use glam::{DMat2, DVec2};
-use lf_core::{Refusal, camera::Layout};
+use lf_core::{Refusal, camera::Aperture, camera::Layout};
 use ndarray::ArrayView2;
 use rayon::prelude::*;
 
@@ -84,6 +84,7 @@ fn from_tile(image: ArrayView2<f32>, period: &Period, corner: [usize; 2]) -> Opt
     let origin = middle + basis * centre_of(&fit_cell(middle, false), basis, is_hexagonal);
     let mut followed = FollowedLattice {
         cell: fit_cell(origin, true),
+        stop: Aperture::Circle,
         basis_px: basis,
         smooth: Polynomial::affine(origin, basis),
         gain: Polynomial::affine(DVec2::X, DMat2::ZERO),

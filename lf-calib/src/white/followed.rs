@@ -5,7 +5,7 @@ use super::{basis::shortest, cats_eye::TwoStops, cats_eye::Untouched, mean_cell:
 use crate::fit::polynomial::{Polynomial, TiePoint, middle_px};
 use crate::fit::robust::{chosen, without_outliers};
 use glam::{DMat2, DVec2};
-use lf_core::Refusal;
+use lf_core::{Refusal, camera::Aperture};
 use ndarray::ArrayView2;
 use rayon::prelude::*;
 
@@ -27,6 +27,8 @@ pub(crate) fn few(found: usize) -> Refusal {
 
 pub(crate) struct FollowedLattice {
     pub cell: MeanCell,
+    /// The stop whose profile explains the cell best.
+    pub stop: Aperture,
     /// Lattice vectors as columns, px.
     pub basis_px: DMat2,
     /// The smooth lattice: image position, px, from lattice index.

@@ -89,8 +89,10 @@ struct Term {
 /// The mean cell in bins of lattice coordinates.
 struct MeanCell {
     aperture: Aperture,
-    /// Terms for n and m from -count to count, n fastest.
+    /// Terms for n from -count to count, fastest, and m from 0 to count: those of -m are the same as those of m.
     terms: Vec<Term>,
+    /// Cosine and sine of each n at the middle of each bin, n fastest.
+    waves: Vec<[f64; 2]>,
     count: usize,
     bins: usize,
     /// Mean light of each bin and the square root of its share of the pixels, u fastest.
@@ -140,6 +142,7 @@ impl MeanCell {
             Self {
                 aperture: camera.main_lens.aperture,
                 terms: terms(camera, basis_px, count, bins),
+                waves: waves(count, bins),
                 count,
                 bins,
                 levels: sums.iter().zip(&counts).map(|(sum, count)| sum / f64::max(*count, 1.0)).collect(),
@@ -184,45 +187,50 @@ impl MeanCell {
 
     /// The series at the middle of every bin.
     fn sum(&self, coefficients: impl Iterator<Item = f64>) -> Vec<f64> {
-        let (side, bins) = (2 * self.count + 1, self.bins);
-        let angle = |n: usize, bin: usize| 2.0 * PI * (n as f64 - self.count as f64) * (bin as f64 + 0.5) / bins as f64;
-        let waves: Vec<[f64; 2]> =
-            (0..bins * side).map(|k| angle(k % side, k / side)).map(|angle| [angle.cos(), angle.sin()]).collect();
+        let (side, half, bins) = (2 * self.count + 1, self.count + 1, self.bins);
+        let waves = |bin: usize| &self.waves[bin * side..(bin + 1) * side];
         // Sum along u for every m, then along v.
         let coefficients: Vec<f64> = coefficients.collect();
-        let mut along = vec![[0.0; 2]; bins * side];
+        let mut along = vec![[0.0; 2]; bins * half];
         for (m, line) in coefficients.chunks(side).enumerate() {
             for bin in 0..bins {
-                let waves = &waves[bin * side..(bin + 1) * side];
-                let sum = line.iter().zip(waves).fold([0.0; 2], |[a, b], (c, [cos, sin])| [a + c * cos, b + c * sin]);
-                along[bin * side + m] = sum;
+                let pairs = line.iter().zip(waves(bin));
+                along[bin * half + m] = pairs.fold([0.0; 2], |[a, b], (c, [cos, sin])| [a + c * cos, b + c * sin]);
             }
         }
         let value = |k: usize| {
             let (u, v) = (k % bins, k / bins);
-            let pairs = along[u * side..(u + 1) * side].iter().zip(&waves[v * side..(v + 1) * side]);
+            let pairs = along[u * half..(u + 1) * half].iter().zip(&waves(v)[self.count..]);
             pairs.map(|([a, b], [cos, sin])| a * cos - b * sin).sum()
         };
         (0..bins * bins).map(value).collect()
     }
 }
 
-/// The frequencies of a lattice with these vectors, px.
+/// See [`MeanCell::waves`].
+fn waves(count: usize, bins: usize) -> Vec<[f64; 2]> {
+    let side = 2 * count + 1;
+    let angle = |n: usize, bin: usize| 2.0 * PI * (n as f64 - count as f64) * (bin as f64 + 0.5) / bins as f64;
+    (0..bins * side).map(|k| angle(k % side, k / side)).map(|angle| [angle.cos(), angle.sin()]).collect()
+}
+
+/// The frequencies of a lattice with these vectors, px. Those of m above 0 count twice.
 fn terms(camera: &Camera, basis_px: DMat2, count: usize, bins: usize) -> Vec<Term> {
     let inverse = basis_px.inverse().transpose();
     let axis = basis_px.x_axis.normalize();
     let diffraction = camera.diffraction();
     let side = 2 * count + 1;
     let term = |k: usize| {
-        let order = DVec2::new((k % side) as f64, (k / side) as f64) - count as f64;
+        let order = DVec2::new((k % side) as f64 - count as f64, (k / side) as f64);
+        let times = if order.y > 0.0 { 2.0 } else { 1.0 };
         let frequency = inverse * order;
         let pixel = sinc(frequency.x) * sinc(frequency.y);
         let bin = sinc(order.x / bins as f64) * sinc(order.y / bins as f64);
         let along = DVec2::new(frequency.dot(axis), axis.perp_dot(frequency));
         let diffracted = diffraction.map_or(1.0, |pattern| pattern.transfer(along));
-        Term { frequency, transfer: pixel * bin * diffracted }
+        Term { frequency, transfer: times * pixel * bin * diffracted }
     };
-    (0..side * side).map(term).collect()
+    (0..side * (count + 1)).map(term).collect()
 }
 
 /// The distance from the frame's middle, px, within which a second stop leaves lenslet images whole.
