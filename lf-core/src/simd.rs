@@ -39,6 +39,8 @@ impl Level {
 
 /// Runs `work` with the widest level of the machine. Operations are not fused: every level gives the same bytes.
 /// `work` is compiled for the level only where it is inlined: mark the closure and its callees `#[inline(always)]`.
+/// Each call compiles all of them twice. Long work that many callers share takes a function of its own, with this call
+/// inside and marked `#[inline(never)]`: it is compiled once for all of them.
 #[inline(always)]
 pub fn fastest(work: impl FnOnce()) {
     #[cfg(target_arch = "x86_64")]

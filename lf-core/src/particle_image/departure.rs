@@ -12,7 +12,7 @@
 //! moves by d(0) and changes by its area. One that is large shows at b = p with T = 1. Where the stop's rim cuts a
 //! bump, only the part inside counts, by its mean and its variance ([`Cuts`]).
 
-use super::fine::LEAST_VARIANCE;
+use super::inside::LEAST_VARIANCE;
 use super::picture_means::NUMBERS;
 use super::pictures::LANES;
 use crate::normal::quick_distribution;

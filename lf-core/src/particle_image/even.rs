@@ -8,8 +8,8 @@
 use super::axis::Axis;
 use super::cell_surface::{Ladder, REACH_SIGMA};
 use super::departure::{Bumps, Departure, Stop};
-use super::fine::{DARK, LEAST_VARIANCE, MOST_SHIFT};
-use super::inside::StopRim;
+use super::fine::{DARK, MOST_SHIFT};
+use super::inside::{LEAST_VARIANCE, StopRim};
 use super::lenslet_image::{Cut, LensletImage, Listed, Patch, Scratch};
 use super::lenslet_lines::LensletLine;
 use super::picture_means::{NUMBERS, PictureMeans};
@@ -214,11 +214,7 @@ impl<T: Listed> LensletImage<'_, T> {
             let lit = places.iter_mut().zip(&even.means[0]).filter(|(_, mean)| **mean > DARK);
             lit.for_each(|(out, mean)| out[0] = factors.scale * mean);
         } else {
-            let rim = match (is_whole, is_round) {
-                (true, _) => StopRim::Far,
-                (_, true) => StopRim::Round(LEAST_VARIANCE * factors.variance),
-                (_, false) => StopRim::Square,
-            };
+            let rim = StopRim::new(is_whole, is_round, factors.variance);
             factors.light((even, departure.as_ref()), rim, places);
         }
         let [column, row] = [left, top].map(|first| first as u32);

@@ -24,7 +24,7 @@ use super::beam::{TERMS, curvature_of_terms, sum_of_terms};
 use super::cell_surface::Ladder;
 use super::fine_light::FineLight;
 use super::fine_sensor::FineSensor;
-use super::inside::{Eight, Passed, StopRim};
+use super::inside::{Eight, LEAST_VARIANCE, Passed, StopRim};
 use super::lenslet_image::{LensletImage, Listed, Patch, Scratch};
 use super::lenslet_lines::LensletLine;
 use super::pictures::LANES;
@@ -38,8 +38,6 @@ use glam::DVec2;
 pub(super) const DARK: f32 = 1e-5;
 /// The middle of the bump stays within this many standard deviations of K.
 pub(super) const MOST_SHIFT: f32 = 3.0;
-/// The variance of the bump is no less than this share of that of K.
-pub(super) const LEAST_VARIANCE: f32 = 0.05;
 /// Reach of spots and of K, in their standard deviations.
 const REACH: f32 = 3.5;
 /// Largest correction of the variance of a spot, over the variance.
@@ -54,7 +52,6 @@ struct Lenslet {
     alpha: DVec2,
     /// The rest of the hits of bent rays.
     bend: Option<[[f32; TERMS]; 2]>,
-    is_round: bool,
     rim: StopRim,
     /// The variance of K along both axes.
     kernel: [f32; 2],
@@ -137,18 +134,14 @@ impl<T: Listed> LensletImage<'_, T> {
         let shift = DVec2::splat(by_shift) * per_slope - gamma;
         let numbers = |pair: DVec2| pair.as_vec2().to_array();
         let rest = beam.rest(chief + centre, alpha, half);
-        let rim = match view.has_round_stop {
-            _ if !beam.is_bent() && self.is_inside_stop(axes, alpha) => StopRim::Far,
-            true => StopRim::Round(LEAST_VARIANCE * (kernel.x as f32).min(kernel.y as f32)),
-            false => StopRim::Square,
-        };
+        let cuts_nothing = !beam.is_bent() && self.is_inside_stop(axes, alpha);
+        let rim = StopRim::new(cuts_nothing, view.has_round_stop, kernel.min_element() as f32);
         Lenslet {
             first: DVec2::new(place(0), place(1)) / half,
             step: step / half,
             chief,
             alpha: alpha * half,
             bend: rest.map(|rest| [0, 1].map(|n| rest.map(|term| term[n] as f32))),
-            is_round: view.has_round_stop,
             rim,
             kernel: numbers(kernel),
             corner: numbers(view.corner),
@@ -359,7 +352,7 @@ impl Lenslet {
     #[inline(always)]
     fn bend(&self, terms: &[[f32; TERMS]; 2], u: &Eight, v: &Eight) -> [[Eight; 3]; 2] {
         let (mut a, mut b) = ([0f32; LANES], [0f32; LANES]);
-        if self.is_round {
+        if let StopRim::Round(_) = self.rim {
             for k in 0..LANES {
                 let inwards = 1.0 / (u[k] * u[k] + v[k] * v[k]).sqrt().max(1.0);
                 (a[k], b[k]) = (u[k] * inwards, v[k] * inwards);

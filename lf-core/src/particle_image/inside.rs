@@ -3,6 +3,9 @@
 use super::pictures::LANES;
 use crate::normal::quick_distribution;
 
+/// The variance of the bump is no less than this share of that of K.
+pub(super) const LEAST_VARIANCE: f32 = 0.05;
+
 /// Numbers of eight places.
 pub(super) type Eight = [f32; LANES];
 
@@ -24,6 +27,16 @@ pub(super) struct Passed {
 }
 
 impl StopRim {
+    /// The rim of a round or a square stop, for blur of this variance.
+    #[inline(always)]
+    pub(super) fn new(cuts_nothing: bool, is_round: bool, variance: f32) -> Self {
+        match (cuts_nothing, is_round) {
+            (true, _) => Self::Far,
+            (_, true) => Self::Round(LEAST_VARIANCE * variance),
+            (_, false) => Self::Square,
+        }
+    }
+
     /// The shares of bumps with these middles and variances: along x, mixed, and along y.
     #[inline(always)]
     pub(super) fn passed(self, half: f32, [u, v]: &[Eight; 2], [along_x, mixed, along_y]: &[Eight; 3]) -> Passed {
