@@ -2,12 +2,13 @@
 
 use super::entries::Entries;
 use super::particle_image::{COUNTS, ParticleImage};
-use lf_core::particle_image;
+use rayon::prelude::*;
 
 /// Buffers of a thread, by pixel of the window. Between uses `own` is 0 and no pixel is touched.
 #[derive(Debug, Default)]
 pub(crate) struct FitBuffers {
-    pub(crate) scratch: particle_image::Scratch,
+    /// Whether other threads may help: there are fewer tiles than threads.
+    has_help: bool,
     /// Light of the images.
     pub(crate) own: Vec<f32>,
     /// Inverse variances.
@@ -26,6 +27,16 @@ pub(crate) struct FitBuffers {
 }
 
 impl FitBuffers {
+    /// Buffers for one of some tiles that are worked on at once.
+    pub(crate) fn beside(tiles: usize) -> Self {
+        Self { has_help: tiles < rayon::current_num_threads(), ..Self::default() }
+    }
+
+    /// Makes something of each item, in their order.
+    pub(crate) fn of_each<A: Sync, T: Send>(&self, items: &[A], make: impl Fn(&A) -> T + Sync + Send) -> Vec<T> {
+        if self.has_help { items.par_iter().map(make).collect() } else { items.iter().map(make).collect() }
+    }
+
     /// Makes room for this number of pixels.
     pub(crate) fn fit(&mut self, pixels: usize) {
         for lane in [&mut self.own, &mut self.weight, &mut self.residual] {

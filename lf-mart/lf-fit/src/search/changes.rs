@@ -279,7 +279,7 @@ impl TileFit<'_, '_> {
                 continue;
             }
             let particle = Particle { light: criteria.usual_light, ..*particle };
-            let image = ParticleImage::light(self.cameras, &particle, self.window, &mut self.buffers.scratch);
+            let image = ParticleImage::light(self.cameras, &particle, self.window);
             let (score, factor) = self.filter(&image);
             if score > criteria.gain && factor > FAINT {
                 asked.push((score, Particle { light: factor.min(BRIGHTEST_NEW) * criteria.usual_light, ..particle }));
@@ -365,18 +365,23 @@ impl TileFit<'_, '_> {
     fn scan_starts(&mut self, n: usize) -> Vec<Particle> {
         let particle = self.members[n].particle;
         let px = self.cameras.pixel_mm();
-        self.subtract_light(&[n]);
-        let mut tried = Vec::new();
+        let mut places = Vec::new();
         for z in SCAN_DEPTH {
             for y in SCAN_ASIDE {
                 for x in SCAN_ASIDE {
                     let [x0, y0, z0] = particle.place_mm;
                     let there = Particle { place_mm: [x0 + px * x, y0 + px * y, z0 + px * z], ..particle };
-                    let image = ParticleImage::light(self.cameras, &there, self.window, &mut self.buffers.scratch);
-                    let level = self.cameras.deviance(self.window, std::iter::once(&image), self.buffers);
-                    tried.push((level, [x, y, z], there));
+                    places.push(([x, y, z], there));
                 }
             }
+        }
+        let render = |(_, there): &(_, Particle)| ParticleImage::light(self.cameras, there, self.window);
+        let images = self.buffers.of_each(&places, render);
+        self.subtract_light(&[n]);
+        let mut tried = Vec::new();
+        for ((step, there), image) in places.into_iter().zip(&images) {
+            let level = self.cameras.deviance(self.window, std::iter::once(image), self.buffers);
+            tried.push((level, step, there));
         }
         self.add_light(&[n]);
         tried.sort_by(|a, b| a.0.total_cmp(&b.0));

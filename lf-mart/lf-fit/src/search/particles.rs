@@ -9,7 +9,7 @@ use crate::particle::Particle;
 use crate::solve::joint::StopRule;
 use crate::solve::size::SizeSpread;
 use lf_core::Refusal;
-use lf_core::particle_image::{ParticleModel, Scratch};
+use lf_core::particle_image::ParticleModel;
 use lf_core::statistics::upper_median;
 use rayon::prelude::*;
 
@@ -132,11 +132,11 @@ impl<'a> Particles<'a> {
         for tasks in tasks.chunks(AT_ONCE) {
             let rendered: Vec<Window> = tasks
                 .par_iter()
-                .map_init(FitBuffers::default, |buffers, (rectangles, members)| {
+                .map(|(rectangles, members)| {
                     let mut window = Window::cut(&self.cameras.views, rectangles);
                     window.light.fill(0.0);
                     for n in *members {
-                        let image = ParticleImage::light(&self.cameras, &self.list[*n], &window, &mut buffers.scratch);
+                        let image = ParticleImage::light(&self.cameras, &self.list[*n], &window);
                         image.add_to(&mut window.light, window.columns, 1.0);
                     }
                     window
@@ -190,9 +190,10 @@ impl<'a> Particles<'a> {
             let is_asked = |n: &usize| colours[*n] == colour && !members[*n].is_empty() && is_wanted(*n);
             let tasks: Vec<usize> = (0..tiles.len()).filter(is_asked).collect();
             for tasks in tasks.chunks(AT_ONCE) {
+                let buffers = || FitBuffers::beside(tasks.len());
                 let results: Vec<(Window, T)> = tasks
                     .par_iter()
-                    .map_init(FitBuffers::default, |buffers, n| {
+                    .map_init(buffers, |buffers, n| {
                         let mut window = Window::cut(&self.cameras.views, &windows[*n]);
                         let members = Members { tiles: &tiles, lists: &members, own: *n };
                         let result = work(self, &mut window, &tiles[*n], members, buffers);
@@ -236,12 +237,11 @@ impl<'a> Particles<'a> {
         &self,
         members: Members,
         window: &Window,
-        buffers: &mut FitBuffers,
-        render: impl Fn(&Cameras, &Particle, &Window, &mut Scratch) -> ParticleImage,
+        buffers: &FitBuffers,
+        render: impl Fn(&Cameras, &Particle, &Window) -> ParticleImage + Send + Sync,
     ) -> (Vec<Particle>, Vec<ParticleImage>) {
         let particles: Vec<Particle> = members.own().iter().map(|n| self.list[*n]).collect();
-        let image = |particle| render(&self.cameras, particle, window, &mut buffers.scratch);
-        let images = particles.iter().map(image).collect();
+        let images = buffers.of_each(&particles, |particle| render(&self.cameras, particle, window));
         (particles, images)
     }
 

@@ -90,23 +90,17 @@ impl<'a, 'b> TileFit<'a, 'b> {
         let awake: Vec<[f64; 3]> = awake.map(|n| all.list[*n].place_mm).collect();
         let is_near =
             |particle: &Particle| awake.iter().any(|at| cameras.is_beside(particle.place_mm, *at, all.beside_px));
-        for (n, is_of_tile) in members.about() {
-            let (particle, is_awake) = (&all.list[n], all.is_awake[n]);
-            let is_own = is_of_tile && is_awake;
-            let is_lit = particle.light > 0.0;
-            if is_own || (is_lit && (is_of_tile || tile_fit.is_in_seam(particle)) && is_near(particle)) {
-                let image = ParticleImage::new(cameras, particle, tile_fit.window, &mut tile_fit.buffers.scratch);
-                let is_whole = all.is_whole[n];
-                tile_fit.members.push(Member {
-                    number: Some(n),
-                    is_own,
-                    particle: *particle,
-                    image,
-                    is_whole,
-                    is_awake,
-                });
-            }
-        }
+        let is_taken = |(n, is_of_tile): &(usize, bool)| {
+            let particle = &all.list[*n];
+            let is_beside = particle.light > 0.0 && (*is_of_tile || tile_fit.is_in_seam(particle));
+            *is_of_tile && all.is_awake[*n] || is_beside && is_near(particle)
+        };
+        let taken: Vec<(usize, bool)> = members.about().into_iter().filter(is_taken).collect();
+        tile_fit.members = tile_fit.buffers.of_each(&taken, |(n, is_of_tile)| {
+            let (particle, is_whole, is_awake) = (all.list[*n], all.is_whole[*n], all.is_awake[*n]);
+            let image = ParticleImage::new(cameras, &particle, tile_fit.window);
+            Member { number: Some(*n), is_own: *is_of_tile && is_awake, particle, image, is_whole, is_awake }
+        });
         tile_fit
     }
 
@@ -130,14 +124,13 @@ impl<'a, 'b> TileFit<'a, 'b> {
     /// changes yet.
     pub(crate) fn attempt(&mut self, near: &[usize], particles: &[Particle], rule: StopRule) -> (Fitted, f64) {
         let before = self.subtract_light(near);
-        let mut images = Vec::with_capacity(particles.len());
-        for particle in particles {
+        let images = self.buffers.of_each(particles, |particle| {
             let known = near.iter().map(|n| &self.members[*n]).find(|member| member.particle == *particle);
-            images.push(match known {
+            match known {
                 Some(member) => member.image.clone(),
-                None => ParticleImage::new(self.cameras, particle, self.window, &mut self.buffers.scratch),
-            });
-        }
+                None => ParticleImage::new(self.cameras, particle, self.window),
+            }
+        });
         let fitted = self.cameras.joint(self.window, particles, images, rule, self.buffers);
         self.add_light(near);
         let gain = before - fitted.deviance;
@@ -230,8 +223,8 @@ impl<'a, 'b> TileFit<'a, 'b> {
     /// The equation of a member's size.
     pub(crate) fn size_equation(&mut self, equations: &Equations, n: usize, prior: Prior) -> SizeEquation {
         let chosen = self.chosen(equations, n, NEIGHBOURS_PX);
-        let FitBuffers { scratch, by_size, weight, residual, .. } = &mut *self.buffers;
-        let (_, slopes) = ParticleImage::with_slopes(self.cameras, &self.members[n].particle, self.window, scratch);
+        let FitBuffers { by_size, weight, residual, .. } = &mut *self.buffers;
+        let (_, slopes) = ParticleImage::with_slopes(self.cameras, &self.members[n].particle, self.window);
         // A pixel may come more than once.
         by_size.resize(by_size.len().max(self.window.seen.len()), 0.0);
         slopes.iter().for_each(|(at, slopes)| by_size[*at as usize] += slopes[0]);
@@ -313,9 +306,10 @@ impl Particles<'_> {
         find: impl Fn(&mut TileFit, &Equations, usize) -> T + Sync,
     ) -> Vec<T> {
         let TilePlan { tiles, windows, members, .. } = self.plan();
+        let buffers = || FitBuffers::beside(tiles.len());
         let found: Vec<Vec<T>> = (0..tiles.len())
             .into_par_iter()
-            .map_init(FitBuffers::default, |buffers, own| {
+            .map_init(buffers, |buffers, own| {
                 let mut window = Window::cut(&self.cameras.views, &windows[own]);
                 let members = Members { tiles: &tiles, lists: &members, own };
                 let mut tile = TileFit::new(self, &mut window, &tiles[own], members, buffers);

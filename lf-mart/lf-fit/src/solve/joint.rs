@@ -74,17 +74,11 @@ const NEAR: f64 = 0.015;
 
 impl Cameras<'_> {
     /// The image of a particle near the place where `image` was rendered. Takes the derivatives if that is near enough.
-    fn image_after(
-        &self,
-        particle: &Particle,
-        image: &ParticleImage,
-        window: &Window,
-        buffers: &mut FitBuffers,
-    ) -> ParticleImage {
+    fn image_after(&self, particle: &Particle, image: &ParticleImage, window: &Window) -> ParticleImage {
         let from = &image.rendered;
         let step_mm: [f64; 3] = std::array::from_fn(|k| particle.place_mm[k] - from.place_mm[k]);
         if self.views.iter().any(|view| view.moved_px(step_mm) > NEAR) {
-            return ParticleImage::new(self, particle, window, &mut buffers.scratch);
+            return ParticleImage::new(self, particle, window);
         }
         image.moved(particle, step_mm.map(|step| step / self.pixel_mm()))
     }
@@ -202,11 +196,9 @@ impl Cameras<'_> {
             buffers.wipe();
             let next: Vec<Particle> =
                 particles.iter().zip(&step).map(|(particle, step)| self.moved(particle, step)).collect();
-            let next_images: Vec<ParticleImage> = next
-                .iter()
-                .zip(&images)
-                .map(|(particle, image)| self.image_after(particle, image, window, buffers))
-                .collect();
+            let pairs: Vec<(&Particle, &ParticleImage)> = next.iter().zip(&images).collect();
+            let shown: &Window = window;
+            let next_images = buffers.of_each(&pairs, |(particle, image)| self.image_after(particle, image, shown));
             buffers.paint(next_images.iter(), window.columns);
             let reached = self.painted_deviance(window, buffers);
             // Keep a step that helps. Otherwise, try a shorter one.
@@ -368,10 +360,8 @@ mod tests {
             slow = (0..SIZE).fold(slow, |particles, n| moved(&particles, n, right[n]));
         }
         let mut buffers = FitBuffers::default();
-        let images: Vec<ParticleImage> = start
-            .iter()
-            .map(|particle| ParticleImage::new(&cameras, particle, &window, &mut buffers.scratch))
-            .collect();
+        let images: Vec<ParticleImage> =
+            start.iter().map(|particle| ParticleImage::new(&cameras, particle, &window)).collect();
         let rule = StopRule { steps: 40, gain: 1e-9 };
         let fitted = cameras.joint(&mut window, &start, images, rule, &mut buffers);
         for (fast, slow) in fitted.particles.iter().zip(&slow) {
