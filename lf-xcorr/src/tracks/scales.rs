@@ -35,6 +35,8 @@ const DIRECTIONS: [[f64; NUMBERS]; 10] = [
     [0.0, 0.0, 0.0, 0.0, 0.5],
 ];
 
+/// Scales whose logarithms differ by less, as steps there and back do by rounding, are the same.
+const SAME: f64 = 1e-9;
 /// Numbers of a set of scales: length, three strengths, misfit.
 const NUMBERS: usize = 5;
 
@@ -80,7 +82,7 @@ fn likeliest(sites: &Sites, usual: Usual) -> [f64; NUMBERS] {
     let low = usual.uncertain.ln();
     let lengths = LENGTHS.map(|length| (length * usual.apart).ln());
     let high = (STRONGEST * spread.max_element()).ln().max(low);
-    let score = |logs: &[f64; NUMBERS]| {
+    let likelihood = |logs: &[f64; NUMBERS]| {
         let far = ((logs[0] - (LENGTH * usual.apart).ln()) / SPREAD).hypot(logs[NUMBERS - 1] / MISFIT_SPREAD);
         Process::new(sites, scales(logs.map(f64::exp)))
             .map_or(f64::NEG_INFINITY, |process| process.log_likelihood() - 0.5 * far * far)
@@ -90,15 +92,32 @@ fn likeliest(sites: &Sites, usual: Usual) -> [f64; NUMBERS] {
     let bounds = [lengths, [low, high], [low, high], [low, high], MISFITS.map(f64::ln)];
     // Start from a flow that changes much, and from an even one whose pairs scatter more than they state.
     let starts = [[length, start[0], start[1], start[2], 0.0], [length, low, low, low, std::f64::consts::LN_2]];
-    let [(changing, one), (even, other)] = starts.map(|start| climbed(start, bounds, &score));
+    let mut known = Vec::new();
+    let mut score = |logs: &[f64; NUMBERS]| looked_up(&mut known, logs, likelihood);
+    let [(changing, one), (even, other)] = starts.map(|start| climbed(start, bounds, &mut score));
     if other > one { even } else { changing }
+}
+
+/// The score of some scales: the search comes back to the same ones again and again.
+fn looked_up(
+    known: &mut Vec<([f64; NUMBERS], f64)>,
+    logs: &[f64; NUMBERS],
+    score: impl Fn(&[f64; NUMBERS]) -> f64,
+) -> f64 {
+    let is_same = |other: &[f64; NUMBERS]| logs.iter().zip(other).all(|(a, b)| (a - b).abs() < SAME);
+    if let Some((_, score)) = known.iter().find(|(other, _)| is_same(other)) {
+        return *score;
+    }
+    let score = score(logs);
+    known.push((*logs, score));
+    score
 }
 
 /// The likeliest scales that can be reached from a start, and their score.
 fn climbed(
     mut logs: [f64; NUMBERS],
     bounds: [[f64; 2]; NUMBERS],
-    score: &dyn Fn(&[f64; NUMBERS]) -> f64,
+    score: &mut dyn FnMut(&[f64; NUMBERS]) -> f64,
 ) -> ([f64; NUMBERS], f64) {
     let mut best = score(&logs);
     for _ in 0..PASSES {
