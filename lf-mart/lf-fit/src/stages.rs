@@ -473,9 +473,11 @@ impl<'a, 'o> Stages<'a, 'o> {
         let sharp = std::mem::replace(&mut self.particles, blurred);
         let faint = std::mem::take(&mut self.candidates);
         self.share_light();
-        self.fit("fit with a blur", FIRST_STEPS);
+        let gain = self.sweep(FIRST_STEPS);
         let is_better = cost(&self.particles) < cost(&sharp);
         let is_taken = is_better && count(&self.particles) <= most * count(&sharp);
+        let what = if is_taken { "fit with a blur" } else { "fit with a blur, given up" };
+        self.report(what, Changes { gain, ..Changes::default() });
         if is_taken {
             self.doubts.misfit_sharp = Some(misfit);
             self.find_noise();
@@ -506,9 +508,13 @@ impl<'a, 'o> Stages<'a, 'o> {
 
     /// Fits all particles.
     fn fit(&mut self, what: &'static str, steps: usize) {
-        let gain = self.particles.sweep(StopRule { steps, gain: SWEEP_GAIN });
-        self.is_stale = false;
+        let gain = self.sweep(steps);
         self.report(what, Changes { gain, ..Changes::default() });
+    }
+
+    fn sweep(&mut self, steps: usize) -> f64 {
+        self.is_stale = false;
+        self.particles.sweep(StopRule { steps, gain: SWEEP_GAIN })
     }
 
     /// Fits the shape, and sizes of the particles' own if they differ. Before the rounds, particles that overlap look
