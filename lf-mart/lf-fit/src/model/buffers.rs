@@ -7,7 +7,7 @@ use rayon::prelude::*;
 /// Buffers of a thread, by pixel of the window. Between uses `own` is 0 and no pixel is touched.
 #[derive(Debug, Default)]
 pub(crate) struct FitBuffers {
-    /// Whether other threads may help: there are fewer tiles than threads.
+    /// Whether other threads may help: there are no more tiles than threads.
     has_help: bool,
     /// Light of the images.
     pub(crate) own: Vec<f32>,
@@ -29,7 +29,7 @@ pub(crate) struct FitBuffers {
 impl FitBuffers {
     /// Buffers for one of some tiles that are worked on at once.
     pub(crate) fn beside(tiles: usize) -> Self {
-        Self { has_help: tiles < rayon::current_num_threads(), ..Self::default() }
+        Self { has_help: tiles <= rayon::current_num_threads(), ..Self::default() }
     }
 
     /// Makes something of each item, in their order.
