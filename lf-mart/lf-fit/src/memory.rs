@@ -4,13 +4,14 @@ use crate::cameras::input::CameraInput;
 use crate::cameras::noise::MOST_PIXELS;
 use crate::cameras::shape::{SHAPES, Shape};
 use crate::cameras::view::CameraView;
+use crate::model::buffers::FitBuffers;
 use crate::model::particle_image::{ParticleImage, UNKNOWNS};
 use crate::model::window::Rectangle;
 use crate::search::particles::{AT_ONCE, Particles};
 use crate::shared::sample::sample_parts;
 use crate::stages::{FitOptions, join, start_alone};
 use lf_core::camera::Pose;
-use lf_core::particle_image::{ParticleModel, Scratch};
+use lf_core::particle_image::ParticleModel;
 use lf_core::{Grid, Refusal};
 
 /// Bytes of a pixel of a frame: of the expected counts, and of a flat field.
@@ -145,17 +146,22 @@ impl std::ops::Add for ImageSize {
 
 impl ImageSize {
     fn new(model: &ParticleModel, grid: &Grid) -> Self {
-        let mut scratch = Scratch::default();
+        let mut buffers = FitBuffers::default();
         let (mut lenslets, mut pixels) = (0, 0);
         for n in 0..DEPTHS {
             let place =
                 |axis: usize, part: f64| grid.origin_mm[axis] + part * grid.spacing_mm[axis] * grid.shape[axis] as f64;
             let z = (n as f64 + 0.5) / DEPTHS as f64;
-            model.visit_places([place(0, 0.5), place(1, 0.5), place(2, z)], 1.0, &mut scratch, |patch, seen| {
-                if let Some([columns, rows]) = ParticleImage::lit(model, &patch, seen) {
-                    (lenslets, pixels) = (lenslets + 1, pixels + columns.len() * rows.len());
-                }
-            });
+            model.visit_places(
+                [place(0, 0.5), place(1, 0.5), place(2, z)],
+                1.0,
+                &mut buffers.scratch,
+                |patch, seen| {
+                    if let Some([columns, rows]) = ParticleImage::lit(model, &patch, seen) {
+                        (lenslets, pixels) = (lenslets + 1, pixels + columns.len() * rows.len());
+                    }
+                },
+            );
         }
         Self { bytes: ParticleImage::bytes(lenslets / DEPTHS, pixels / DEPTHS), pixels: pixels / DEPTHS }
     }

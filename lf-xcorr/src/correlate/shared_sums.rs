@@ -3,7 +3,7 @@
 
 use super::energy::{self, EnergyScratch};
 use super::kernel::{self, CellProducts, ProductScratch};
-use super::shifts::{Shifts, back, on, paired_voxels};
+use super::shifts::{Shifts, back, hull, on, paired_voxels};
 use super::sums::{Sums, channel};
 use super::table::{Table, total, total_in};
 use super::window_grid::WindowGrid;
@@ -230,8 +230,15 @@ impl<'a> Sharing<'a> {
     fn cell_layer(&self, [first, second]: [&Rows; 2], layer: usize, room: Vec<f64>) -> Table {
         let [x, y, z] = &self.windows.axes;
         let [across, down, _] = &self.cells;
+        // The sums of a cell without light are zero, so it has no box.
         let boxes = gather(across, down, |cx, cy| {
-            self.hull([x.users[cx].clone(), y.users[cy].clone(), z.users[layer].clone()])
+            let shifts = self.hull([x.users[cx].clone(), y.users[cy].clone(), z.users[layer].clone()])?;
+            let midpoints = [x.cells[cx].clone(), y.cells[cy].clone(), z.cells[layer].clone()];
+            let of_first = paired_voxels(&midpoints, first.shape, &shifts, |d| -back(d));
+            let of_second = paired_voxels(&midpoints, first.shape, &shifts, on);
+            let is_lit =
+                |rows: &Rows, ranges: [Vec<Range<i32>>; 3]| rows.is_lit(ranges.each_ref().map(|own| hull(own)));
+            (is_lit(first, of_first) || is_lit(second, of_second)).then_some(shifts)
         });
         let fill = |scratch: &mut (ProductScratch, EnergyScratch), place: usize, shifts: Shifts, out: &mut [f64]| {
             let (cx, cy) = (across.start + place % across.len(), down.start + place / across.len());
@@ -256,15 +263,26 @@ impl<'a> Sharing<'a> {
         let [x, y, _] = &self.windows.axes;
         let [across, down, _] = &self.cells;
         let high = &self.block[1];
-        let boxes = gather(across, down, |cx, cy| self.hull([x.users[cx].clone(), y.users[cy].clone(), k..k + 1]));
+        // A column or a row without light has no box either.
+        let boxes = gather(across, down, |cx, cy| {
+            let place = cx - across.start + across.len() * (cy - down.start);
+            let is_lit = layers.iter().any(|layer| layer.get(place).is_some());
+            is_lit.then(|| self.hull([x.users[cx].clone(), y.users[cy].clone(), k..k + 1])).flatten()
+        });
         let columns = Table::new(boxes, spare.pop().unwrap_or_default(), |(), place, shifts, out| {
             total(out, shifts, layers.iter().filter_map(|layer| layer.get(place)));
         });
-        let boxes = gather(across, high, |cx, j| self.hull([x.users[cx].clone(), j..j + 1, k..k + 1]));
+        let lit_columns = &columns;
+        let columns_of = |cx: usize, j: usize| {
+            let place = move |cy: usize| cx + across.len() * (cy - down.start);
+            y.spans[j].clone().filter_map(move |cy| lit_columns.get(place(cy)))
+        };
+        let boxes = gather(across, high, |cx, j| {
+            let is_lit = columns_of(cx - across.start, j).next().is_some();
+            is_lit.then(|| self.hull([x.users[cx].clone(), j..j + 1, k..k + 1])).flatten()
+        });
         let rows = Table::new(boxes, spare.pop().unwrap_or_default(), |(), place, shifts, out| {
-            let (cx, j) = (place % across.len(), high.start + place / across.len());
-            let cells = y.spans[j].clone();
-            total(out, shifts, cells.filter_map(|cy| columns.get(cx + across.len() * (cy - down.start))));
+            total(out, shifts, columns_of(place % across.len(), high.start + place / across.len()));
         });
         spare.push(columns.into_room());
         rows
@@ -318,6 +336,8 @@ mod tests {
             ([23, 7, 5], [9, 5, 5], [5, 3, 3], [6, 2, 2], 0.1),
             ([30, 6, 4], [30, 6, 1], [30, 6, 1], [11, 1, 1], 0.5),
             ([40, 3, 3], [5, 3, 3], [3, 2, 2], [13, 1, 1], 0.9),
+            // Most cells and some windows are dark.
+            ([40, 12, 9], [8, 4, 4], [4, 2, 2], [2, 1, 1], 0.005),
         ] {
             let [a, b] = [0, 1].map(|_| oracle::volume(&mut random, shape, lit));
             let windows = WindowGrid::new(shape, window, step);

@@ -57,6 +57,12 @@ impl<T: Copy> Rows<T> {
         entries.start + first..entries.start + last
     }
 
+    /// Whether a box of voxels, which lies inside the volume, has a lit one.
+    pub fn is_lit(&self, [x, y, z]: [Range<i32>; 3]) -> bool {
+        let has_lit = |y: i32, z: i32| !self.between(y as usize, z as usize, x.start, x.end).is_empty();
+        z.into_iter().any(|z| y.clone().any(|y| has_lit(y, z)))
+    }
+
     /// The lit voxels of row (y, z) with x in `from .. to`: their x and their intensities.
     #[inline]
     pub fn run(&self, y: usize, z: usize, from: i32, to: i32) -> (&[u32], &[T]) {

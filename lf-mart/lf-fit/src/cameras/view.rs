@@ -312,7 +312,7 @@ pub(crate) mod tests {
     /// The numbers of a particle's image by pixel.
     pub(crate) fn numbers(cameras: &Cameras, particle: &Particle, window: &Window) -> Vec<[f64; UNKNOWNS]> {
         let mut sums = vec![[0.0; UNKNOWNS]; window.seen.len()];
-        ParticleImage::new(cameras, particle, window).pixels(window.columns, |n, pixel| {
+        ParticleImage::new(cameras, particle, window, &mut Default::default()).pixels(window.columns, |n, pixel| {
             (0..UNKNOWNS).for_each(|k| sums[n][k] += f64::from(pixel[k]));
         });
         sums
@@ -331,7 +331,7 @@ pub(crate) mod tests {
         let [wanted, found] = [&even, &shaded].map(|cameras| numbers(cameras, &particle, &window));
         let slopes = |cameras: &Cameras| {
             let mut sums = vec![0f32; window.seen.len()];
-            let (_, slopes) = ParticleImage::with_slopes(cameras, &particle, &window);
+            let (_, slopes) = ParticleImage::with_slopes(cameras, &particle, &window, &mut Default::default());
             slopes.iter().for_each(|(n, slopes)| sums[*n as usize] += slopes[0]);
             sums
         };

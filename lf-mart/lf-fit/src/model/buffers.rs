@@ -2,11 +2,13 @@
 
 use super::entries::Entries;
 use super::particle_image::{COUNTS, ParticleImage};
+use lf_core::particle_image::Scratch;
 use rayon::prelude::*;
 
 /// Buffers of a thread, by pixel of the window. Between uses `own` is 0 and no pixel is touched.
 #[derive(Debug, Default)]
 pub(crate) struct FitBuffers {
+    pub(crate) scratch: Scratch,
     /// Whether other threads may help: there are no more tiles than threads.
     has_help: bool,
     /// Light of the images.
@@ -32,9 +34,16 @@ impl FitBuffers {
         Self { has_help: tiles <= rayon::current_num_threads(), ..Self::default() }
     }
 
-    /// Makes something of each item, in their order.
-    pub(crate) fn of_each<A: Sync, T: Send>(&self, items: &[A], make: impl Fn(&A) -> T + Sync + Send) -> Vec<T> {
-        if self.has_help { items.par_iter().map(make).collect() } else { items.iter().map(make).collect() }
+    /// Draws something for each item, in their order.
+    pub(crate) fn draw<A: Sync, T: Send>(
+        &mut self,
+        items: &[A],
+        draw: impl Fn(&mut Scratch, &A) -> T + Send + Sync,
+    ) -> Vec<T> {
+        match self.has_help && items.len() > 1 {
+            true => items.par_iter().map_init(Scratch::default, draw).collect(),
+            false => items.iter().map(|item| draw(&mut self.scratch, item)).collect(),
+        }
     }
 
     /// Makes room for this number of pixels.

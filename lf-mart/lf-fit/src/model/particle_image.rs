@@ -6,7 +6,6 @@ use crate::cameras::view::Cameras;
 use crate::particle::Particle;
 use lf_core::particle_image::{PLACES, ParticleModel, Patch, QUANTITIES, Scratch};
 use ndarray::{Array2, s};
-use std::cell::RefCell;
 use std::ops::Range;
 
 /// Numbers of a pixel: the derivatives of its counts by x, y and z in pixels of the focal plane and by the logarithm of
@@ -59,11 +58,6 @@ const LEAST_SHARE: f32 = 1e-7;
 /// of its brightest one. They are half of the pixels, and hold a thousandth of the light.
 const LEAST_OF_BRIGHTEST: f32 = 3e-3;
 
-thread_local! {
-    /// Working memory of the model on this thread.
-    static SCRATCH: RefCell<Scratch> = RefCell::default();
-}
-
 /// A part of the window, and how numbers of a camera's model become those of an image.
 struct Target<'a> {
     model: &'a ParticleModel,
@@ -81,17 +75,23 @@ struct Target<'a> {
 
 impl ParticleImage {
     /// Renders a particle.
-    pub(crate) fn new(cameras: &Cameras, particle: &Particle, window: &Window) -> Self {
-        Self::render(cameras, particle, window, Quantities::Places)
+    pub(crate) fn new(cameras: &Cameras, particle: &Particle, window: &Window, scratch: &mut Scratch) -> Self {
+        Self::render(cameras, particle, window, scratch, Quantities::Places)
     }
 
     /// Renders the light of a particle, without derivatives.
-    pub(crate) fn light(cameras: &Cameras, particle: &Particle, window: &Window) -> Self {
-        Self::render(cameras, particle, window, Quantities::Light)
+    pub(crate) fn light(cameras: &Cameras, particle: &Particle, window: &Window, scratch: &mut Scratch) -> Self {
+        Self::render(cameras, particle, window, scratch, Quantities::Light)
     }
 
     /// Renders some quantities of a particle in each camera.
-    fn render(cameras: &Cameras, particle: &Particle, window: &Window, mut quantities: Quantities) -> Self {
+    pub(crate) fn render(
+        cameras: &Cameras,
+        particle: &Particle,
+        window: &Window,
+        scratch: &mut Scratch,
+        mut quantities: Quantities,
+    ) -> Self {
         let (blocks, pixels) = (Vec::with_capacity(BLOCKS), Vec::with_capacity(PIXELS));
         let mut image = Self { rendered: *particle, step: [0.0; 3], factor: 1.0, blocks, pixels };
         for (view, part) in cameras.views.iter().zip(&window.parts) {
@@ -111,7 +111,7 @@ impl ParticleImage {
                 flat: view.flat,
             };
             let mut take = |patch: Patch, pixels: &[[f32; PLACES]]| image.take(&target, patch, pixels);
-            SCRATCH.with_borrow_mut(|scratch| match &mut quantities {
+            match &mut quantities {
                 Quantities::Light => view.model.visit_light(place_mm, size, scratch, take),
                 Quantities::Places => view.model.visit_places(place_mm, size, scratch, take),
                 Quantities::All(each) => {
@@ -123,7 +123,7 @@ impl ParticleImage {
                         each(patch, pixels);
                     });
                 }
-            });
+            }
         }
         // Many images are held at once.
         image.blocks.shrink_to_fit();
@@ -132,7 +132,12 @@ impl ParticleImage {
     }
 
     /// Renders a particle in the only camera, with the derivatives by what particles share.
-    pub(crate) fn with_slopes(cameras: &Cameras, particle: &Particle, window: &Window) -> (Self, Vec<Slopes>) {
+    pub(crate) fn with_slopes(
+        cameras: &Cameras,
+        particle: &Particle,
+        window: &Window,
+        scratch: &mut Scratch,
+    ) -> (Self, Vec<Slopes>) {
         let Part { left, top, columns, rows, .. } = window.parts[0];
         let view = cameras.first();
         let mut scale = view.shape.scales(view.camera).map(|scale| particle.light * scale);
@@ -150,7 +155,7 @@ impl ParticleImage {
                 }
             }
         };
-        let image = Self::render(cameras, particle, window, Quantities::All(&mut take));
+        let image = Self::render(cameras, particle, window, scratch, Quantities::All(&mut take));
         (image, slopes)
     }
 

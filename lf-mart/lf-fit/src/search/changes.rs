@@ -279,7 +279,7 @@ impl TileFit<'_, '_> {
                 continue;
             }
             let particle = Particle { light: criteria.usual_light, ..*particle };
-            let image = ParticleImage::light(self.cameras, &particle, self.window);
+            let image = ParticleImage::light(self.cameras, &particle, self.window, &mut self.buffers.scratch);
             let (score, factor) = self.filter(&image);
             if score > criteria.gain && factor > FAINT {
                 asked.push((score, Particle { light: factor.min(BRIGHTEST_NEW) * criteria.usual_light, ..particle }));
@@ -375,8 +375,9 @@ impl TileFit<'_, '_> {
                 }
             }
         }
-        let render = |(_, there): &(_, Particle)| ParticleImage::light(self.cameras, there, self.window);
-        let images = self.buffers.of_each(&places, render);
+        let (cameras, window) = (self.cameras, &*self.window);
+        let draw = |scratch: &mut _, (_, there): &(_, Particle)| ParticleImage::light(cameras, there, window, scratch);
+        let images = self.buffers.draw(&places, draw);
         self.subtract_light(&[n]);
         let mut tried = Vec::new();
         for ((step, there), image) in places.into_iter().zip(&images) {

@@ -9,7 +9,7 @@ use crate::particle::Particle;
 use crate::solve::joint::StopRule;
 use crate::solve::size::SizeSpread;
 use lf_core::Refusal;
-use lf_core::particle_image::ParticleModel;
+use lf_core::particle_image::{ParticleModel, Scratch};
 use lf_core::statistics::upper_median;
 use rayon::prelude::*;
 
@@ -132,11 +132,11 @@ impl<'a> Particles<'a> {
         for tasks in tasks.chunks(AT_ONCE) {
             let rendered: Vec<Window> = tasks
                 .par_iter()
-                .map(|(rectangles, members)| {
+                .map_init(FitBuffers::default, |buffers, (rectangles, members)| {
                     let mut window = Window::cut(&self.cameras.views, rectangles);
                     window.light.fill(0.0);
                     for n in *members {
-                        let image = ParticleImage::light(&self.cameras, &self.list[*n], &window);
+                        let image = ParticleImage::light(&self.cameras, &self.list[*n], &window, &mut buffers.scratch);
                         image.add_to(&mut window.light, window.columns, 1.0);
                     }
                     window
@@ -237,11 +237,12 @@ impl<'a> Particles<'a> {
         &self,
         members: Members,
         window: &Window,
-        buffers: &FitBuffers,
-        render: impl Fn(&Cameras, &Particle, &Window) -> ParticleImage + Send + Sync,
+        buffers: &mut FitBuffers,
+        render: impl Fn(&Cameras, &Particle, &Window, &mut Scratch) -> ParticleImage + Send + Sync,
     ) -> (Vec<Particle>, Vec<ParticleImage>) {
         let particles: Vec<Particle> = members.own().iter().map(|n| self.list[*n]).collect();
-        let images = buffers.of_each(&particles, |particle| render(&self.cameras, particle, window));
+        let draw = |scratch: &mut _, particle: &_| render(&self.cameras, particle, window, scratch);
+        let images = buffers.draw(&particles, draw);
         (particles, images)
     }
 

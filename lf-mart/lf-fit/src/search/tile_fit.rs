@@ -96,9 +96,10 @@ impl<'a, 'b> TileFit<'a, 'b> {
             *is_of_tile && all.is_awake[*n] || is_beside && is_near(particle)
         };
         let taken: Vec<(usize, bool)> = members.about().into_iter().filter(is_taken).collect();
-        tile_fit.members = tile_fit.buffers.of_each(&taken, |(n, is_of_tile)| {
+        let window = &*tile_fit.window;
+        tile_fit.members = tile_fit.buffers.draw(&taken, |scratch, (n, is_of_tile)| {
             let (particle, is_whole, is_awake) = (all.list[*n], all.is_whole[*n], all.is_awake[*n]);
-            let image = ParticleImage::new(cameras, &particle, tile_fit.window);
+            let image = ParticleImage::new(cameras, &particle, window, scratch);
             Member { number: Some(*n), is_own: *is_of_tile && is_awake, particle, image, is_whole, is_awake }
         });
         tile_fit
@@ -124,11 +125,12 @@ impl<'a, 'b> TileFit<'a, 'b> {
     /// changes yet.
     pub(crate) fn attempt(&mut self, near: &[usize], particles: &[Particle], rule: StopRule) -> (Fitted, f64) {
         let before = self.subtract_light(near);
-        let images = self.buffers.of_each(particles, |particle| {
-            let known = near.iter().map(|n| &self.members[*n]).find(|member| member.particle == *particle);
+        let (cameras, window, members) = (self.cameras, &*self.window, &self.members);
+        let images = self.buffers.draw(particles, |scratch, particle| {
+            let known = near.iter().map(|n| &members[*n]).find(|member| member.particle == *particle);
             match known {
                 Some(member) => member.image.clone(),
-                None => ParticleImage::new(self.cameras, particle, self.window),
+                None => ParticleImage::new(cameras, particle, window, scratch),
             }
         });
         let fitted = self.cameras.joint(self.window, particles, images, rule, self.buffers);
@@ -223,8 +225,8 @@ impl<'a, 'b> TileFit<'a, 'b> {
     /// The equation of a member's size.
     pub(crate) fn size_equation(&mut self, equations: &Equations, n: usize, prior: Prior) -> SizeEquation {
         let chosen = self.chosen(equations, n, NEIGHBOURS_PX);
-        let FitBuffers { by_size, weight, residual, .. } = &mut *self.buffers;
-        let (_, slopes) = ParticleImage::with_slopes(self.cameras, &self.members[n].particle, self.window);
+        let FitBuffers { scratch, by_size, weight, residual, .. } = &mut *self.buffers;
+        let (_, slopes) = ParticleImage::with_slopes(self.cameras, &self.members[n].particle, self.window, scratch);
         // A pixel may come more than once.
         by_size.resize(by_size.len().max(self.window.seen.len()), 0.0);
         slopes.iter().for_each(|(at, slopes)| by_size[*at as usize] += slopes[0]);

@@ -4,6 +4,7 @@
 //! says something about it only through the difference between this camera and all cameras together.
 
 use crate::cameras::view::{CameraView, Cameras};
+use crate::model::buffers::FitBuffers;
 use crate::model::particle_image::{COUNTS, ParticleImage, UNKNOWNS};
 use crate::model::window::Window;
 use crate::search::particles::Particles;
@@ -62,19 +63,19 @@ fn gradients(particles: &Particles) -> Vec<Seen> {
     let tasks: Vec<_> = plan.windows.iter().zip(&plan.members).collect();
     let found: Vec<Vec<Seen>> = tasks
         .par_iter()
-        .map(|(rectangles, own)| {
+        .map_init(FitBuffers::default, |buffers, (rectangles, own)| {
             let window = Window::cut(&particles.cameras.views, rectangles);
-            own.iter().map(|n| gradient(particles, *n, &window)).collect()
+            own.iter().map(|n| gradient(particles, *n, &window, buffers)).collect()
         })
         .collect();
     found.into_iter().flatten().collect()
 }
 
 /// The information of one particle.
-fn gradient(particles: &Particles, n: usize, window: &Window) -> Seen {
+fn gradient(particles: &Particles, n: usize, window: &Window, buffers: &mut FitBuffers) -> Seen {
     let (cameras, particle) = (&particles.cameras, &particles.list[n]);
     let mut by_camera = vec![Information::default(); cameras.views.len()];
-    ParticleImage::new(cameras, particle, window).pixels(window.columns, |n, by| {
+    ParticleImage::new(cameras, particle, window, &mut buffers.scratch).pixels(window.columns, |n, by| {
         let (seen, light) = (window.seen[n], window.light[n]);
         if !seen.is_nan() {
             let weight = 1.0 / f64::from(window.noise(cameras, n).variance(light));

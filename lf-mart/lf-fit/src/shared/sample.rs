@@ -6,6 +6,7 @@ use crate::model::particle_image::ParticleImage;
 use crate::model::window::{Rectangle, Window};
 use crate::particle::Particle;
 use lf_core::Refusal;
+use lf_core::particle_image::Scratch;
 
 /// Number of particles that are seen by the parts from which the shape is found, and their smallest side, pixels.
 const SAMPLE: f64 = 200.0;
@@ -101,8 +102,9 @@ impl SamplePart {
         let (near, far): (Vec<Particle>, Vec<Particle>) = seen.iter().partition(|particle| is_near(particle));
         let (held, particles) = if far.len() > near.len() { (near, far) } else { (Vec::new(), seen) };
         let mut stray = vec![0f32; window.seen.len()];
+        let mut scratch = Scratch::default();
         for particle in &held {
-            let image = ParticleImage::light(own, particle, &window);
+            let image = ParticleImage::light(own, particle, &window, &mut scratch);
             image.add_to(&mut stray, window.columns, 1.0);
         }
 

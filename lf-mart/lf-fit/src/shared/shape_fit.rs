@@ -12,6 +12,7 @@ use crate::solve::normal::{CgLimits, DEEP, Normal, cholesky, conjugate_gradients
 use glam::DVec2;
 use lf_core::Refusal;
 use lf_core::linear::{inverse_column, solve};
+use lf_core::particle_image::Scratch;
 use rayon::prelude::*;
 
 /// Particles that are rendered before their derivatives are added up; bounds the memory.
@@ -163,7 +164,9 @@ impl SamplePart {
         for particles in self.particles.chunks(AT_ONCE) {
             let rendered: Vec<(ParticleImage, Vec<Slopes>)> = particles
                 .par_iter()
-                .map(|particle| ParticleImage::with_slopes(cameras, particle, &self.window))
+                .map_init(Scratch::default, |scratch, particle| {
+                    ParticleImage::with_slopes(cameras, particle, &self.window, scratch)
+                })
                 .collect();
             for (image, pixels) in rendered {
                 for (n, slopes) in pixels {
@@ -179,9 +182,9 @@ impl SamplePart {
     fn light(&self, every: usize, cameras: &Cameras) -> Vec<f32> {
         let mut light = vec![0f32; self.window.seen.len()];
         let particles: Vec<_> = self.particles.iter().step_by(every).collect();
-        let render = |particle: &&_| ParticleImage::light(cameras, particle, &self.window);
+        let render = |scratch: &mut _, particle: &&_| ParticleImage::light(cameras, particle, &self.window, scratch);
         for particles in particles.chunks(AT_ONCE) {
-            let images: Vec<ParticleImage> = particles.par_iter().map(render).collect();
+            let images: Vec<ParticleImage> = particles.par_iter().map_init(Scratch::default, render).collect();
             images.iter().for_each(|image| image.add_to(&mut light, self.window.columns, 1.0));
         }
         light

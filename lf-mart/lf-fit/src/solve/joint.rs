@@ -7,6 +7,7 @@ use crate::model::buffers::FitBuffers;
 use crate::model::particle_image::{ParticleImage, UNKNOWNS};
 use crate::model::window::Window;
 use crate::particle::Particle;
+use lf_core::particle_image::Scratch;
 use lf_core::simd::fastest;
 use std::borrow::Cow;
 
@@ -74,11 +75,17 @@ const NEAR: f64 = 0.015;
 
 impl Cameras<'_> {
     /// The image of a particle near the place where `image` was rendered. Takes the derivatives if that is near enough.
-    fn image_after(&self, particle: &Particle, image: &ParticleImage, window: &Window) -> ParticleImage {
+    fn image_after(
+        &self,
+        particle: &Particle,
+        image: &ParticleImage,
+        window: &Window,
+        scratch: &mut Scratch,
+    ) -> ParticleImage {
         let from = &image.rendered;
         let step_mm: [f64; 3] = std::array::from_fn(|k| particle.place_mm[k] - from.place_mm[k]);
         if self.views.iter().any(|view| view.moved_px(step_mm) > NEAR) {
-            return ParticleImage::new(self, particle, window);
+            return ParticleImage::new(self, particle, window, scratch);
         }
         image.moved(particle, step_mm.map(|step| step / self.pixel_mm()))
     }
@@ -196,9 +203,10 @@ impl Cameras<'_> {
             buffers.wipe();
             let next: Vec<Particle> =
                 particles.iter().zip(&step).map(|(particle, step)| self.moved(particle, step)).collect();
-            let pairs: Vec<(&Particle, &ParticleImage)> = next.iter().zip(&images).collect();
-            let shown: &Window = window;
-            let next_images = buffers.of_each(&pairs, |(particle, image)| self.image_after(particle, image, shown));
+            let (shown, pairs): (&Window, Vec<_>) = (window, next.iter().zip(&images).collect());
+            let next_images = buffers.draw(&pairs, |scratch, (particle, image): &(&Particle, &ParticleImage)| {
+                self.image_after(particle, image, shown, scratch)
+            });
             buffers.paint(next_images.iter(), window.columns);
             let reached = self.painted_deviance(window, buffers);
             // Keep a step that helps. Otherwise, try a shorter one.
@@ -360,8 +368,10 @@ mod tests {
             slow = (0..SIZE).fold(slow, |particles, n| moved(&particles, n, right[n]));
         }
         let mut buffers = FitBuffers::default();
-        let images: Vec<ParticleImage> =
-            start.iter().map(|particle| ParticleImage::new(&cameras, particle, &window)).collect();
+        let images: Vec<ParticleImage> = start
+            .iter()
+            .map(|particle| ParticleImage::new(&cameras, particle, &window, &mut buffers.scratch))
+            .collect();
         let rule = StopRule { steps: 40, gain: 1e-9 };
         let fitted = cameras.joint(&mut window, &start, images, rule, &mut buffers);
         for (fast, slow) in fitted.particles.iter().zip(&slow) {
