@@ -88,17 +88,16 @@ fn window_pixels(windows: &[Vec<Rectangle>]) -> usize {
     windows.iter().map(area).max().unwrap_or(0)
 }
 
-/// Bytes of frames, particles and the buffers of threads. All tiles are rendered at once, so every thread has buffers.
+/// Bytes of frames and particles.
 fn held_bytes(particles: &Particles, count: usize) -> usize {
-    let windows = particles.plan().windows;
     let views = &particles.cameras.views;
     let pixels: usize = views.iter().map(|view| view.image.len()).sum();
     let flats: usize = views.iter().filter_map(|view| view.flat).map(|flat| flat.len()).sum();
-    let buffers = rayon::current_num_threads().min(windows.len()) * THREAD_PIXEL * window_pixels(&windows);
-    FRAME_PIXEL * (pixels + flats) + PARTICLE * count + buffers
+    FRAME_PIXEL * (pixels + flats) + PARTICLE * count
 }
 
 /// Bytes of work on tiles with up to `in_tile` particles, or on the noise. Tiles of one colour are fitted at once.
+/// Covariances are found in all tiles at once, so every thread has buffers.
 fn work_bytes(particles: &Particles, image: ImageSize, in_tile: usize) -> usize {
     let plan = particles.plan();
     let of_colour = |colour: &usize| plan.colours.iter().filter(|other| *other == colour).count();
@@ -108,7 +107,8 @@ fn work_bytes(particles: &Particles, image: ImageSize, in_tile: usize) -> usize 
     let fits = of_colour.min(AT_ONCE) * window + fitted;
     let renders = plan.windows.len().min(AT_ONCE) * window;
     let noise = particles.cameras.views.iter().map(|view| NOISE_PIXEL * MOST_PIXELS.min(view.image.len())).max();
-    fits.max(renders).max(noise.unwrap_or(0))
+    let buffers = rayon::current_num_threads().min(plan.windows.len()) * THREAD_PIXEL * window_pixels(&plan.windows);
+    buffers + fits.max(renders).max(noise.unwrap_or(0))
 }
 
 /// Bytes of the fit of the shape.

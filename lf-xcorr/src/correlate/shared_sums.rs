@@ -230,15 +230,16 @@ impl<'a> Sharing<'a> {
     fn cell_layer(&self, [first, second]: [&Rows; 2], layer: usize, room: Vec<f64>) -> Table {
         let [x, y, z] = &self.windows.axes;
         let [across, down, _] = &self.cells;
-        // The sums of a cell without light are zero, so it has no box.
-        let boxes = gather(across, down, |cx, cy| {
-            let shifts = self.hull([x.users[cx].clone(), y.users[cy].clone(), z.users[layer].clone()])?;
+        let places = gather(across, down, |cx, cy| {
+            let Some(shifts) = self.hull([x.users[cx].clone(), y.users[cy].clone(), z.users[layer].clone()]) else {
+                return (None, false);
+            };
             let midpoints = [x.cells[cx].clone(), y.cells[cy].clone(), z.cells[layer].clone()];
             let of_first = paired_voxels(&midpoints, first.shape, &shifts, |d| -back(d));
             let of_second = paired_voxels(&midpoints, first.shape, &shifts, on);
             let is_lit =
                 |rows: &Rows, ranges: [Vec<Range<i32>>; 3]| rows.is_lit(ranges.each_ref().map(|own| hull(own)));
-            (is_lit(first, of_first) || is_lit(second, of_second)).then_some(shifts)
+            (Some(shifts), is_lit(first, of_first) || is_lit(second, of_second))
         });
         let fill = |scratch: &mut (ProductScratch, EnergyScratch), place: usize, shifts: Shifts, out: &mut [f64]| {
             let (cx, cy) = (across.start + place % across.len(), down.start + place / across.len());
@@ -255,7 +256,7 @@ impl<'a> Sharing<'a> {
                 energy::sums(rows, &ranges, [next(), next()], &mut scratch.1);
             }
         };
-        Table::new(boxes, room, fill)
+        Table::new(places, room, fill)
     }
 
     /// Adds the cells of window layer `k` into columns of its depth, and the columns into rows of cells along x.
@@ -263,13 +264,12 @@ impl<'a> Sharing<'a> {
         let [x, y, _] = &self.windows.axes;
         let [across, down, _] = &self.cells;
         let high = &self.block[1];
-        // A column or a row without light has no box either.
-        let boxes = gather(across, down, |cx, cy| {
+        let places = gather(across, down, |cx, cy| {
             let place = cx - across.start + across.len() * (cy - down.start);
             let is_lit = layers.iter().any(|layer| layer.get(place).is_some());
-            is_lit.then(|| self.hull([x.users[cx].clone(), y.users[cy].clone(), k..k + 1])).flatten()
+            (self.hull([x.users[cx].clone(), y.users[cy].clone(), k..k + 1]), is_lit)
         });
-        let columns = Table::new(boxes, spare.pop().unwrap_or_default(), |(), place, shifts, out| {
+        let columns = Table::new(places, spare.pop().unwrap_or_default(), |(), place, shifts, out| {
             total(out, shifts, layers.iter().filter_map(|layer| layer.get(place)));
         });
         let lit_columns = &columns;
@@ -277,11 +277,11 @@ impl<'a> Sharing<'a> {
             let place = move |cy: usize| cx + across.len() * (cy - down.start);
             y.spans[j].clone().filter_map(move |cy| lit_columns.get(place(cy)))
         };
-        let boxes = gather(across, high, |cx, j| {
+        let places = gather(across, high, |cx, j| {
             let is_lit = columns_of(cx - across.start, j).next().is_some();
-            is_lit.then(|| self.hull([x.users[cx].clone(), j..j + 1, k..k + 1])).flatten()
+            (self.hull([x.users[cx].clone(), j..j + 1, k..k + 1]), is_lit)
         });
-        let rows = Table::new(boxes, spare.pop().unwrap_or_default(), |(), place, shifts, out| {
+        let rows = Table::new(places, spare.pop().unwrap_or_default(), |(), place, shifts, out| {
             total(out, shifts, columns_of(place % across.len(), high.start + place / across.len()));
         });
         spare.push(columns.into_room());
@@ -336,7 +336,7 @@ mod tests {
             ([23, 7, 5], [9, 5, 5], [5, 3, 3], [6, 2, 2], 0.1),
             ([30, 6, 4], [30, 6, 1], [30, 6, 1], [11, 1, 1], 0.5),
             ([40, 3, 3], [5, 3, 3], [3, 2, 2], [13, 1, 1], 0.9),
-            // Most cells and some windows are dark.
+            // Dark cells, and dark windows.
             ([40, 12, 9], [8, 4, 4], [4, 2, 2], [2, 1, 1], 0.005),
         ] {
             let [a, b] = [0, 1].map(|_| oracle::volume(&mut random, shape, lit));

@@ -15,19 +15,21 @@ pub(crate) struct Table {
 }
 
 impl Table {
-    /// Calls `fill(scratch, place, shifts, numbers)` for every place that has a box. The numbers may hold anything.
+    /// Calls `fill(scratch, place, shifts, numbers)` for every place that has a box and light. The numbers may hold
+    /// anything. A dark place has room, so that the tables of all layers are of one size, but no sums.
     /// `room` is the memory of a table that is no longer needed: allocating takes longer than summing.
     pub fn new<S: Default + Send>(
-        boxes: Vec<Option<Shifts>>,
+        places: Vec<(Option<Shifts>, bool)>,
         room: Vec<f64>,
         fill: impl Fn(&mut S, usize, Shifts, &mut [f64]) + Sync,
     ) -> Self {
-        let mut starts = Vec::with_capacity(boxes.len() + 1);
+        let mut starts = Vec::with_capacity(places.len() + 1);
         starts.push(0);
-        for shifts in &boxes {
+        for (shifts, _) in &places {
             starts.push(starts[starts.len() - 1] + shifts.map_or(0, |shifts| channel::COUNT * shifts.len()));
         }
-        let mut data = sized(room, starts[boxes.len()]);
+        let mut data = sized(room, starts[places.len()]);
+        let boxes: Vec<Option<Shifts>> = places.into_iter().map(|(shifts, is_lit)| shifts.filter(|_| is_lit)).collect();
         let mut rest = data.as_mut_slice();
         let mut places = Vec::with_capacity(boxes.len());
         for (place, shifts) in boxes.iter().enumerate() {
@@ -99,7 +101,8 @@ mod tests {
 
     /// The number of a place everywhere. What the room held is seen where nothing is written.
     fn table(boxes: Vec<Option<Shifts>>, room: Vec<f64>) -> Table {
-        Table::new(boxes, room, |(), place, _, numbers| numbers.fill(place as f64))
+        let places = boxes.into_iter().map(|shifts| (shifts, true)).collect();
+        Table::new(places, room, |(), place, _, numbers| numbers.fill(place as f64))
     }
 
     #[test]
@@ -111,6 +114,16 @@ mod tests {
             assert_eq!(sums.shifts, around(radius));
             assert_eq!(sums.data, vec![place as f64; channel::COUNT * around(radius).len()]);
         }
+    }
+
+    #[test]
+    fn a_dark_place_has_room_and_no_sums() {
+        let shifts = around(1);
+        let fill = |(): &mut (), place: usize, _: Shifts, numbers: &mut [f64]| numbers.fill(place as f64);
+        let table = Table::new(vec![(Some(shifts), false), (Some(shifts), true)], Vec::new(), fill);
+        let len = channel::COUNT * shifts.len();
+        assert!(table.get(0).is_none() && table.data.len() == 2 * len);
+        assert_eq!(table.get(1).unwrap().data, vec![1.0; len]);
     }
 
     /// Scar: buffers of small boxes grew with every larger box until all were as large as the largest.

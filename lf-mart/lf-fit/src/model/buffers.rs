@@ -9,7 +9,7 @@ use rayon::prelude::*;
 #[derive(Debug, Default)]
 pub(crate) struct FitBuffers {
     pub(crate) scratch: Scratch,
-    /// Whether other threads may help: there are no more tiles than threads.
+    /// Whether other threads may help: there are some, and no more tiles than threads.
     has_help: bool,
     /// Light of the images.
     pub(crate) own: Vec<f32>,
@@ -31,7 +31,8 @@ pub(crate) struct FitBuffers {
 impl FitBuffers {
     /// Buffers for one of some tiles that are worked on at once.
     pub(crate) fn beside(tiles: usize) -> Self {
-        Self { has_help: tiles <= rayon::current_num_threads(), ..Self::default() }
+        let threads = rayon::current_num_threads();
+        Self { has_help: threads > 1 && tiles <= threads, ..Self::default() }
     }
 
     /// Draws something for each item, in their order.

@@ -365,24 +365,20 @@ impl TileFit<'_, '_> {
     fn scan_starts(&mut self, n: usize) -> Vec<Particle> {
         let particle = self.members[n].particle;
         let px = self.cameras.pixel_mm();
-        let mut places = Vec::new();
-        for z in SCAN_DEPTH {
-            for y in SCAN_ASIDE {
-                for x in SCAN_ASIDE {
-                    let [x0, y0, z0] = particle.place_mm;
-                    let there = Particle { place_mm: [x0 + px * x, y0 + px * y, z0 + px * z], ..particle };
-                    places.push(([x, y, z], there));
-                }
-            }
-        }
-        let (cameras, window) = (self.cameras, &*self.window);
-        let draw = |scratch: &mut _, (_, there): &(_, Particle)| ParticleImage::light(cameras, there, window, scratch);
-        let images = self.buffers.draw(&places, draw);
         self.subtract_light(&[n]);
         let mut tried = Vec::new();
-        for ((step, there), image) in places.into_iter().zip(&images) {
-            let level = self.cameras.deviance(self.window, std::iter::once(image), self.buffers);
-            tried.push((level, step, there));
+        for z in SCAN_DEPTH {
+            let steps: Vec<[f64; 3]> = SCAN_ASIDE.iter().flat_map(|y| SCAN_ASIDE.map(|x| [x, *y, z])).collect();
+            let place = |step: &[f64; 3]| std::array::from_fn(|k| particle.place_mm[k] + px * step[k]);
+            let places: Vec<Particle> =
+                steps.iter().map(|step| Particle { place_mm: place(step), ..particle }).collect();
+            let (cameras, window) = (self.cameras, &*self.window);
+            let draw = |scratch: &mut _, there: &_| ParticleImage::light(cameras, there, window, scratch);
+            let images = self.buffers.draw(&places, draw);
+            for ((step, there), image) in steps.into_iter().zip(places).zip(&images) {
+                let level = self.cameras.deviance(self.window, std::iter::once(image), self.buffers);
+                tried.push((level, step, there));
+            }
         }
         self.add_light(&[n]);
         tried.sort_by(|a, b| a.0.total_cmp(&b.0));
