@@ -230,29 +230,33 @@ impl<'a> Sharing<'a> {
     fn cell_layer(&self, [first, second]: [&Rows; 2], layer: usize, room: Vec<f64>) -> Table {
         let [x, y, z] = &self.windows.axes;
         let [across, down, _] = &self.cells;
+        // The midpoints of a cell, and the voxels of both volumes that they pair.
+        let paired = |cx: usize, cy: usize, shifts: &Shifts| {
+            let midpoints = [x.cells[cx].clone(), y.cells[cy].clone(), z.cells[layer].clone()];
+            let of_first = paired_voxels(&midpoints, first.shape, shifts, |d| -back(d));
+            let of_second = paired_voxels(&midpoints, first.shape, shifts, on);
+            (midpoints, [(first, of_first), (second, of_second)])
+        };
         let places = gather(across, down, |cx, cy| {
             let Some(shifts) = self.hull([x.users[cx].clone(), y.users[cy].clone(), z.users[layer].clone()]) else {
                 return (None, false);
             };
-            let midpoints = [x.cells[cx].clone(), y.cells[cy].clone(), z.cells[layer].clone()];
-            let of_first = paired_voxels(&midpoints, first.shape, &shifts, |d| -back(d));
-            let of_second = paired_voxels(&midpoints, first.shape, &shifts, on);
-            let is_lit =
-                |rows: &Rows, ranges: [Vec<Range<i32>>; 3]| rows.is_lit(ranges.each_ref().map(|own| hull(own)));
-            (Some(shifts), is_lit(first, of_first) || is_lit(second, of_second))
+            let (_, volumes) = paired(cx, cy, &shifts);
+            let is_lit = |(rows, ranges): &(&Rows, [Vec<Range<i32>>; 3])| {
+                rows.is_lit(ranges.each_ref().map(|ranges| hull(ranges)))
+            };
+            (Some(shifts), volumes.iter().any(is_lit))
         });
         let fill = |scratch: &mut (ProductScratch, EnergyScratch), place: usize, shifts: Shifts, out: &mut [f64]| {
             let (cx, cy) = (across.start + place % across.len(), down.start + place / across.len());
-            let midpoints = [x.cells[cx].clone(), y.cells[cy].clone(), z.cells[layer].clone()];
+            let (midpoints, volumes) = paired(cx, cy, &shifts);
             let mut channels = out.chunks_exact_mut(shifts.len());
             let mut next = || channels.next().expect("a number for each shift in each channel");
             let products = next();
             products.fill(0.0);
             let cell = CellProducts { first, second, midpoints: &midpoints, shifts: &shifts };
             kernel::products(cell, products, &mut scratch.0);
-            let of_first = paired_voxels(&midpoints, first.shape, &shifts, |d| -back(d));
-            let of_second = paired_voxels(&midpoints, first.shape, &shifts, on);
-            for (rows, ranges) in [(first, of_first), (second, of_second)] {
+            for (rows, ranges) in volumes {
                 energy::sums(rows, &ranges, [next(), next()], &mut scratch.1);
             }
         };
