@@ -2,6 +2,7 @@
 
 use super::entries::Entries;
 use super::particle_image::{COUNTS, ParticleImage};
+use crate::cameras::shape::SHAPES;
 use lf_core::particle_image::Scratch;
 use rayon::prelude::*;
 
@@ -26,6 +27,8 @@ pub(crate) struct FitBuffers {
     pub(crate) counts: Vec<u32>,
     /// Pixels with a count, in the order in which images came to them.
     pub(crate) touched: Vec<u32>,
+    /// Derivatives of the shape's fit that are used again: freed after each step, they would leave holes in the heap.
+    pub(crate) spare: Vec<Vec<[f32; SHAPES]>>,
 }
 
 impl FitBuffers {

@@ -63,18 +63,20 @@ impl Sample<'_> {
                 let moved = part.particles.iter().zip(moves).map(|(one, step)| next_cameras.moved(one, step)).collect();
                 old.push(std::mem::replace(&mut part.particles, moved));
             }
-            let next = self.state(&next_cameras, 1, &mut buffers)?;
+            let mut next = self.state(&next_cameras, 1, &mut buffers)?;
             let gain = state.deviance - next.deviance;
             is_settled = step.iter().zip(&std).all(|(step, std)| step.abs() <= enough_px.max(ENOUGH * std));
 
             // Keep a step that helps. Otherwise, try a shorter one.
             if gain > 0.0 {
-                (self.cameras, state) = (next_cameras, next);
+                std::mem::swap(&mut state, &mut next);
+                self.cameras = next_cameras;
                 damping = (damping * LESS).max(LEAST_DAMPING);
             } else {
                 self.parts.iter_mut().zip(old).for_each(|(part, old)| part.particles = old);
                 damping *= MORE;
             }
+            buffers.spare.extend(next.parts.into_iter().rev().map(|part| part.by_shape));
             if is_settled || damping > MOST_DAMPING {
                 break;
             }
@@ -85,7 +87,7 @@ impl Sample<'_> {
     /// Renders the particles. Slopes by parameters of the camera are those of one particle in `every`, if they do not
     /// follow from the drift.
     pub(super) fn state(&self, cameras: &Cameras, every: usize, buffers: &mut FitBuffers) -> Result<State, Refusal> {
-        let mut parts: Vec<PartState> = self.parts.iter().map(|part| part.state(cameras)).collect();
+        let mut parts: Vec<PartState> = self.parts.iter().map(|part| part.state(cameras, buffers)).collect();
         if self.free.lens.contains(&true) {
             self.add_lens_slopes(cameras, every, &mut parts)?;
         }
@@ -158,8 +160,10 @@ impl SamplePart {
     }
 
     /// Renders the particles, with the slopes that the model has.
-    fn state(&self, cameras: &Cameras) -> PartState {
-        let mut by_shape = vec![[0f32; SHAPES]; self.window.seen.len()];
+    fn state(&self, cameras: &Cameras, buffers: &mut FitBuffers) -> PartState {
+        let mut by_shape = buffers.spare.pop().unwrap_or_default();
+        by_shape.clear();
+        by_shape.resize(self.window.seen.len(), [0.0; SHAPES]);
         let mut images = Vec::with_capacity(self.particles.len());
         for particles in self.particles.chunks(AT_ONCE) {
             let rendered: Vec<(ParticleImage, Vec<Slopes>)> = particles
