@@ -255,6 +255,24 @@ fn three_truths_agree() {
     assert!(run(&words, &[&exact, &field]).json().get("unpaired").is_none());
 }
 
+/// Between the vectors of a coarse truth, even an exact field errs.
+#[test]
+fn a_truth_too_coarse_for_its_flow_is_named() {
+    let bench = workbench();
+    let bent = |[_, _, z]: [f64; 3]| [(0.1 * z * z) as f32, 0.0, 0.0];
+    let truth = save_field(&bench, "coarse.exr", &field([3, 3, 4], bent));
+    let mut exact = field([3, 3, 3], |_| [0.0; 3]);
+    exact.layout.origin_mm[2] += 0.5 * exact.layout.spacing_mm[2];
+    (0..exact.len()).for_each(|at| exact.u[at] = bent(exact.place_mm(at))[0]);
+    let exact = save_field(&bench, "exact.exr", &exact);
+    let output = run(&["displacement"], &[&truth, &exact]);
+    let (score, warning) = (output.json(), &output.stderr);
+    let [rms, estimate] = [&score["rms_u_mm"], &score["interpolation_mm"][0]].map(|value| value.as_f64().unwrap());
+    assert!(rms > 1e-4 && (estimate / rms - 1.0).abs() < 1e-3, "{score}");
+    assert!(warning.contains("coarse.exr: interpolation between its vectors errs by"), "{warning}");
+    assert!(run(&["displacement"], &[&truth, &truth]).stderr.is_empty());
+}
+
 #[test]
 fn a_sampled_flow_is_read_from_the_folder_of_its_scene() {
     let bench = workbench();

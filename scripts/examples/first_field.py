@@ -116,7 +116,7 @@ picture("6-field-from-the-side.png", lf.show(at("field.exr"), "y"))
 
 # 6. The truth.
 # Nobody has it in a laboratory. Here we do: the error is in pixels at the focal plane, of 0.0055 mm.
-score = lf.run("lf-validate", "displacement", at("scene/flow.exr"), at("field.exr"), camera=at("camera.json"))
+score = lf.run("lf-validate", "displacement", at("scene/scene-used.json"), at("field.exr"), camera=at("camera.json"))
 print("         RMS error: " + ", ".join(f"{axis} {score[f'rms_{axis}_px']:.2f} px" for axis in "uvw"))
 
 # Now ask for fewer particles (`--set particles.per_lenslet=0.1` in step 1), for a smaller stop of the lens

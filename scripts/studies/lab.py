@@ -97,7 +97,7 @@ def quality(folder, volume="volume.lfv", frame=0):
     return Run(f"lf-validate quality {folder}/truth-{frame:04}.lfv {folder}/{volume}", account=False).json()
 
 
-def displacement(folder, field="field.exr", truth="flow.exr", camera="camera.json"):
+def displacement(folder, field="field.exr", truth="scene-used.json", camera="camera.json"):
     words = f"{folder}/{truth} {folder}/{field} -c {folder}/{camera}"
     return Run(f"lf-validate displacement {words}", account=False).json()
 

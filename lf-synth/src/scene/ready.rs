@@ -37,14 +37,14 @@ pub const READY: [ReadyScene; 13] = [
         experiment,
     ),
     ("tank", "a corner of it: the same camera, water, sheet and noise on 60 x 60 lenslets, a vortex ring", || {
-        in_water([78 * 14, 78 * 14], [2.4, 2.4, 7.9], ring(0.0, 1.2, 0.1), [33, 33, 17])
+        in_water([78 * 14, 78 * 14], [2.4, 2.4, 7.9], ring(0.0, 1.2, 0.1), [41, 41, 65])
     }),
     ("jet", "a round jet with two vortex rings in its shear layer, 60 x 60 lenslets at 0.5 particles each", || {
         let flow = json!([jet(2.4, 0.06), ring(-1.1, 1.2, 0.04), ring(1.1, 1.3, 0.03)]);
-        moved(60, flow, [2.0, 2.0, 10.0], [33, 33, 17])
+        moved(60, flow, [2.0, 2.0, 10.0], [41, 41, 65])
     }),
     ("ring", "a vortex ring that moves along x, 60 x 60 lenslets at 0.5 particles each", || {
-        moved(60, ring(0.0, 1.2, 0.1), [2.0, 2.0, 10.0], [33, 33, 17])
+        moved(60, ring(0.0, 1.2, 0.1), [2.0, 2.0, 10.0], [41, 41, 65])
     }),
     (
         "doublets",
@@ -135,7 +135,7 @@ fn moved(lenslets: u32, flow: Value, pixels_per_voxel: [f64; 3], vectors: [usize
 
 /// The ring's core is nearly as wide as a window of 0.88 mm.
 fn demo() -> Value {
-    let mut scene = moved(60, ring(0.0, 1.4, 0.1), [2.0, 2.0, 10.0], [33, 33, 17]);
+    let mut scene = moved(60, ring(0.0, 1.4, 0.1), [2.0, 2.0, 10.0], [41, 41, 65]);
     scene["flow"]["core_mm"] = 0.7.into();
     scene["particles"]["sigma_px"] = 1.0.into();
     scene["particles"]["rays"] = 50_000.into();
@@ -203,7 +203,7 @@ fn doublets() -> Value {
         (surface["index"], surface["next_mm"]) = (index.into(), next_mm.into());
         surface
     };
-    let mut scene = moved(60, ring(0.0, 1.2, 0.1), [2.0, 2.0, 10.0], [33, 33, 17]);
+    let mut scene = moved(60, ring(0.0, 1.2, 0.1), [2.0, 2.0, 10.0], [41, 41, 65]);
     scene["thick_lens"] = json!({
         "surfaces": [
             surface(731.6, 1.62, 6.0), surface(83.8, 1.5168, 14.0), surface(-96.0, 1.0, 30.0),

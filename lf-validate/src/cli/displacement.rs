@@ -27,6 +27,9 @@ use std::path::PathBuf;
 ///   outliers        vectors more than 5 robust standard deviations and 0.1 voxel from the median
 ///                   error; all other numbers include them
 ///   measured_only   the same without replaced vectors
+///   interpolation_mm
+///                   RMS error of interpolation in a true field, estimated: a part of the errors.
+///                   A warning says so where it is large
 ///   pdf             density of each component's error: `u`, per `unit`, in bins about `x_u`, with the
 ///                   shares beyond, below_u and above_u. Bins of 0.05 px up to 4 px for u and v, of
 ///                   0.5 px up to 40 px for w; without a camera of 0.05 vox up to 4 vox
@@ -47,7 +50,7 @@ use std::path::PathBuf;
 #[command(
     verbatim_doc_comment,
     after_help = "Examples, in out/ after scripts/demo:
-  lf-validate displacement scene/flow.exr field-0000-0001.exr -c camera.json --max-rms 0.7,0.2,2
+  lf-validate displacement scene/scene.json field-0000-0001.exr -c camera.json --max-rms 0.3,0.2,0.5
   lf-validate displacement scene/particles.csv field-0000-0001.exr -c camera.json --plot error.svg"
 )]
 pub struct DisplacementArguments {
@@ -98,6 +101,14 @@ pub fn judge(arguments: &DisplacementArguments, session: &mut Session) -> Result
     if score.all.vectors == 0 {
         let name = io::name(&arguments.field);
         session.warn(format!("{name}: no vector could be scored: {}", reasons(&score)));
+    }
+    if let Some(errors_mm) = score.of_coarse_truth_mm() {
+        let (per_mm, unit) = pixel_mm.map_or((1.0, "mm"), |pixel_mm| (pixel_mm.recip(), "px"));
+        let [u, v, w] = errors_mm.map(|error| per_mm * error);
+        let found =
+            format!("interpolation between its vectors errs by {u:.2}, {v:.2}, {w:.2} {unit} or more for u, v, w");
+        let name = io::name(&arguments.truth);
+        session.warn(format!("{name}: {found}, a large part of the scored errors; a scene.json is exact"));
     }
     Ok(verdict(
         are_at_most(score.all.rms_px(), arguments.max_rms)

@@ -1,5 +1,6 @@
 //! Errors of a vector field against the true displacement: measured - true, each component on its own.
 
+use super::coarse::interpolation_mm;
 use super::statistics::{Coverage, ErrorPdf, ErrorSummary};
 use super::truth::{TrueDisplacement, VectorError, errors};
 use crate::scores::units::units;
@@ -28,6 +29,9 @@ pub struct Displacement {
     pub(crate) pixel_mm: Option<f64>,
     /// Voxel spacing of the volumes correlated.
     pub(crate) voxel_mm: [f64; 3],
+    /// RMS error of interpolation in a true field, estimated for u, v and w: a part of the errors. None for others.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub interpolation_mm: Option<[f64; 3]>,
     /// Errors of all that are scored.
     #[serde(flatten)]
     pub all: ErrorSummary,
@@ -47,6 +51,17 @@ pub struct ParticleCounts {
     pub(crate) unpaired: usize,
     /// Particles in both frames that lie outside the field's vectors or beside one of its gaps. Not scored.
     pub outside_field: usize,
+}
+
+/// A true field is too coarse if interpolation in it makes more than this share of an RMS error.
+const COARSE: f64 = 0.4;
+
+impl Displacement {
+    /// The RMS error of interpolation in a true field that is too coarse for the score, mm.
+    pub fn of_coarse_truth_mm(&self) -> Option<[f64; 3]> {
+        let is_large = |axis: usize, error: f64| error > COARSE * self.all.spread_mm[axis].rms;
+        self.interpolation_mm.filter(|errors| errors.iter().enumerate().any(|(axis, error)| is_large(axis, *error)))
+    }
 }
 
 /// Scores `field` against `truth`. `pixel_mm`: size of a pixel at the focal plane.
@@ -74,6 +89,10 @@ pub fn displacement(truth: &TrueDisplacement, field: &Field, pixel_mm: Option<f6
         particles,
         pixel_mm,
         voxel_mm,
+        interpolation_mm: match truth {
+            TrueDisplacement::Field(truth) => Some(interpolation_mm(truth, field)),
+            TrueDisplacement::Flow { .. } | TrueDisplacement::Tracks(_) => None,
+        },
         uncertainty: Coverage::of(&errors),
         pdf: ErrorPdf::of(&errors, &units),
         all: ErrorSummary::of(&errors, voxel_mm, units.clone()),

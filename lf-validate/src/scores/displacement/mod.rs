@@ -2,6 +2,7 @@
 //! Out: bias, RMS, spread, outliers and density of the errors, and how well the stated uncertainty covers them.
 //! Open first: `compare.rs`.
 
+mod coarse;
 mod compare;
 mod statistics;
 mod truth;
