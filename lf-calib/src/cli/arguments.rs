@@ -207,7 +207,7 @@ pub struct LatticeArguments {
     #[arg(long, value_name = "FILE.exr")]
     pub vignetting: Option<PathBuf>,
     /// Wavelength of the light, nm, which diffracts at the rim of each lenslet; instead of that in the nominal
-    /// camera
+    /// camera. Without either, 550 if the rims show diffraction
     #[arg(long, value_name = "NM", value_parser = wavelength_nm)]
     pub wavelength: Option<f64>,
     /// Keep the nominal working f-number although the lenslet images show another: the white images were taken with

@@ -55,7 +55,7 @@ pub fn lattice(arguments: &LatticeArguments, session: &mut Session) -> Result<Ve
     session.phase("write", |session| save(arguments, &calibrated, flat_pixels.as_ref(), picture.as_ref(), session))?;
     // If a file cannot be written, its error is the only line.
     report(&lattice, &calibrated, &nominal, arguments.keep_f_number, session);
-    report_blur(blur, &calibrated.camera, session);
+    report_blur(blur, &nominal, session);
     Ok(Verdict::Done)
 }
 

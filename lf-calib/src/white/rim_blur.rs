@@ -9,19 +9,21 @@ use super::image_lattice::ImageLattice;
 use crate::fit::lenslet_images::LensletImages;
 use crate::fit::{polynomial::Polynomial, polynomial::TiePoint, search::Search};
 use glam::{DMat2, DVec2};
-use lf_core::camera::{Aperture, Camera};
+use lf_core::camera::{Aperture, Blur, Camera, GREEN_NM};
 use lf_core::halo::sinc;
 use nalgebra::{DMatrix, DVector};
 use ndarray::{Array2, s};
 use std::f64::consts::PI;
 
-/// Standard deviation of the Gaussian on the sensor, px.
+/// The Gaussian on the sensor, px, and the light that diffracts.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RimBlur {
-    /// Beyond diffraction at the lenslets, if the camera has a wavelength; all blur otherwise.
+    /// Standard deviation, beyond diffraction at the lenslets if there is a wavelength; of all blur otherwise.
     pub sigma_px: f64,
     /// Standard uncertainty.
     pub uncertainty_px: f64,
+    /// The camera's wavelength; green light where the camera names none and the rims show that it diffracts.
+    pub wavelength_nm: Option<f64>,
 }
 
 /// Bins of a cell a side, for each px of the pitch, and at most.
@@ -35,8 +37,10 @@ const PIXELS: usize = 3_000_000;
 /// Degree of the smooth light over the frame, and its parts along each side.
 const LIGHT_DEGREE: usize = 3;
 const LIGHT_PARTS: usize = 8;
-/// Largest uncertainty of a blur that is believed, px, and largest misfit over the light.
+/// Largest uncertainty of a blur that is believed, px, and largest misfit over the light. A blur below SEEN_PX may be
+/// as uncertain as one of SEEN_PX with the same uncertainty of its square.
 const MOST_UNCERTAIN_PX: f64 = 0.08;
+const SEEN_PX: f64 = 0.2;
 const MOST_MISFIT: f64 = 0.15;
 /// Uncertainty of the model itself, px^2: the largest error of the square of the blur in images without noise.
 const MODEL_PX2: f64 = 0.004;
@@ -48,30 +52,25 @@ const LIMITS_PX2: [f64; 2] = [-0.3, 25.0];
 
 /// The blur of a white image whose camera is known, with the stop of the image. None if its rims do not show it.
 pub fn rim_blur(white: &Array2<f32>, camera: &Camera, lattice: &ImageLattice) -> Option<RimBlur> {
-    let cell = MeanCell::new(white, camera, lattice)?;
+    let mut cell = MeanCell::new(white, camera, lattice)?;
     let half_px = 0.5 * camera.demagnification() * camera.aperture_mm() / camera.sensor.pixel_pitch_mm;
-    let search =
-        Search { slope_steps: &[1e-4, 1e-3], damping: 1e-3, factors: [0.2, 10.0], least_square: 0.0, least_gain: 1e-8 };
-    let residuals = |edge: &Edge| Some(cell.residuals(*edge)?.0);
-    let moved = |edge: &Edge, step: &DVector<f64>| Edge {
-        half_px: edge.half_px * step[0].clamp(-0.1, 0.1).exp(),
-        variance_px2: (edge.variance_px2 + step[1].clamp(-0.3, 0.3)).clamp(LIMITS_PX2[0], LIMITS_PX2[1]),
-    };
-    let edge = search.run(Edge { half_px, variance_px2: START_PX2 }, residuals, moved)?;
-    let (here, light) = cell.residuals(edge)?;
-    let slopes = search.slopes(&edge, &here, residuals, moved)?;
-    let inverse = slopes.tr_mul(&slopes).try_inverse()?;
-    let scatter = here.norm_squared() / here.len().saturating_sub(5).max(1) as f64;
-    let misfit = here.norm() / (light * (here.len() as f64).sqrt());
-    let uncertainty_px2 = (inverse[(1, 1)] * scatter).sqrt().hypot(MODEL_PX2).hypot(UNFOLLOWED_PX2 * misfit);
-    let sigma_px = edge.variance_px2.max(0.0).sqrt();
-    // The root of v + u is u / (2 sigma) above sigma, and the root of u where v is 0.
-    let uncertainty_px = (edge.variance_px2.max(0.0) + uncertainty_px2).sqrt() - sigma_px;
-    let is_clear = uncertainty_px < MOST_UNCERTAIN_PX
-        && edge.variance_px2 > -3.0 * uncertainty_px2
-        && misfit < MOST_MISFIT
-        && edge.variance_px2 < half_px * half_px;
-    is_clear.then_some(RimBlur { sigma_px, uncertainty_px })
+    let blur = camera.blur.unwrap_or_default();
+    let named = cell.soft_edge(half_px)?;
+    if blur.wavelength_nm.is_some() {
+        return Some(RimBlur { wavelength_nm: blur.wavelength_nm, ..named.blur });
+    }
+    let green = Blur { wavelength_nm: Some(GREEN_NM), ..blur };
+    cell.terms = terms(&Camera { blur: Some(green), ..camera.clone() }, cell.basis_px, cell.count, cell.bins);
+    match cell.soft_edge(half_px).filter(|edge| edge.squares < named.squares) {
+        Some(edge) => Some(RimBlur { wavelength_nm: green.wavelength_nm, ..edge.blur }),
+        None => Some(named.blur),
+    }
+}
+
+/// A blur that fits the rims, and the sum of the squared residuals.
+struct SoftEdge {
+    blur: RimBlur,
+    squares: f64,
 }
 
 #[derive(Debug, Clone, Copy)]
@@ -100,6 +99,7 @@ struct MeanCell {
     weights: Vec<f64>,
     /// Mean place of a bin's pixels from its middle, bins. Pixels of a lattice in line with them do not fill all bins.
     aside: Vec<DVec2>,
+    basis_px: DMat2,
     cell_px2: f64,
 }
 
@@ -148,9 +148,44 @@ impl MeanCell {
                 levels: sums.iter().zip(&counts).map(|(sum, count)| sum / f64::max(*count, 1.0)).collect(),
                 aside: aside.iter().zip(&counts).map(|(sum, count)| *sum / f64::max(*count, 1.0)).collect(),
                 weights: counts.iter().map(|count| (count / all * (bins * bins) as f64).sqrt()).collect(),
+                basis_px,
                 cell_px2: basis_px.determinant().abs(),
             }
         })
+    }
+
+    /// The blur with which the rims fit best, from the width of half a stop's image on. None if they do not show it.
+    fn soft_edge(&self, half_px: f64) -> Option<SoftEdge> {
+        let search = Search {
+            slope_steps: &[1e-4, 1e-3],
+            damping: 1e-3,
+            factors: [0.2, 10.0],
+            least_square: 0.0,
+            least_gain: 1e-8,
+        };
+        let residuals = |edge: &Edge| Some(self.residuals(*edge)?.0);
+        let moved = |edge: &Edge, step: &DVector<f64>| Edge {
+            half_px: edge.half_px * step[0].clamp(-0.1, 0.1).exp(),
+            variance_px2: (edge.variance_px2 + step[1].clamp(-0.3, 0.3)).clamp(LIMITS_PX2[0], LIMITS_PX2[1]),
+        };
+        let edge = search.run(Edge { half_px, variance_px2: START_PX2 }, residuals, moved)?;
+        let (here, light) = self.residuals(edge)?;
+        let slopes = search.slopes(&edge, &here, residuals, moved)?;
+        let inverse = slopes.tr_mul(&slopes).try_inverse()?;
+        let squares = here.norm_squared();
+        let scatter = squares / here.len().saturating_sub(5).max(1) as f64;
+        let misfit = here.norm() / (light * (here.len() as f64).sqrt());
+        let uncertainty_px2 = (inverse[(1, 1)] * scatter).sqrt().hypot(MODEL_PX2).hypot(UNFOLLOWED_PX2 * misfit);
+        let sigma_px = edge.variance_px2.max(0.0).sqrt();
+        // The root of v + u is u / (2 sigma) above sigma, and the root of u where v is 0.
+        let uncertainty_px = (edge.variance_px2.max(0.0) + uncertainty_px2).sqrt() - sigma_px;
+        let seen_px2 = edge.variance_px2.max(SEEN_PX * SEEN_PX);
+        let is_clear = (seen_px2 + uncertainty_px2).sqrt() - seen_px2.sqrt() < MOST_UNCERTAIN_PX
+            && edge.variance_px2 > -3.0 * uncertainty_px2
+            && misfit < MOST_MISFIT
+            && edge.variance_px2 < half_px * half_px;
+        let blur = RimBlur { sigma_px, uncertainty_px, wavelength_nm: None };
+        is_clear.then_some(SoftEdge { blur, squares })
     }
 
     /// Residuals of the best light and ground for an edge, and that light. None without light.

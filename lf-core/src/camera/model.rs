@@ -186,6 +186,10 @@ pub struct Medium {
     pub window_index: f64,
 }
 
+/// The wavelength of green light, nm, where none is named: every lenslet diffracts, and most light is green. Particles
+/// are found as well for 450 to 700 nm.
+pub const GREEN_NM: f64 = 550.0;
+
 /// Blur on the sensor. It acts on the light before the pixels count it.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]

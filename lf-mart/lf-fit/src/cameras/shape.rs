@@ -6,7 +6,7 @@
 //! entry in [`lf_core::camera::PARAMETERS`].
 
 use super::lens::{LENSES, corrections};
-use lf_core::camera::{Blur, COUNT, Correction, PARAMETERS, stepped};
+use lf_core::camera::{Blur, COUNT, Correction, GREEN_NM, PARAMETERS, stepped};
 use lf_core::particle_image::ParticleModel;
 use lf_core::{Camera, Refusal};
 
@@ -21,8 +21,8 @@ pub(crate) const LEAST_PX: f64 = 0.02;
 const SIZES_PX: [f64; 2] = [0.15, 5.0];
 /// Smallest and largest blur, pixels. A smaller one cannot be seen, and has no slope to grow by.
 const BLURS_PX: [f64; 2] = [0.05, 3.0];
-/// The blur that is tried where no camera file names one: every lenslet diffracts, and most light is green.
-const UNNAMED: Blur = Blur { sigma_px: 0.15, wavelength_nm: Some(550.0) };
+/// The blur that is tried where no camera file names one.
+const UNNAMED: Blur = Blur { sigma_px: 0.15, wavelength_nm: Some(GREEN_NM) };
 
 /// Size, drift and blur, pixels: of the focal plane, and of the sensor.
 #[derive(Debug, Clone, Copy, PartialEq)]
