@@ -29,8 +29,10 @@ SECOND = b
 PAIRS = $(if $(PAGES),$(paged),$(foreach stem,$(stems),$(stem)$(FIRST)-$(stem)$(SECOND)))
 
 # The camera by its data sheets, and one or more white images taken with it. Without any, NOMINAL counts as calibrated.
+# Words for lf-calib lattice: a dark image, and the flat field that it makes: --dark dark.exr --vignetting flat.exr
 NOMINAL = nominal.json
 WHITE = white.exr
+WHITE_FLAGS =
 
 # A dot target: its folder or images, and what lf-calib needs to know of it: --spacing 1.1 with --depths -4,-2,2,4, with
 # a table --depths depths.csv (columns file,depth_mm), or with the depths in the images' names (dots_z-2.70.tif).
@@ -207,7 +209,7 @@ each = $(foreach name,$2,$(call $1,$(name)))
 colour = $(addprefix --channel ,$(CHANNEL))
 
 $(OUT)/camera-lattice.json: $(WHITE) $(NOMINAL) | $(LOG)
-	$(call step,$(CALIB) lattice $(WHITE) -c $(NOMINAL) $(colour))
+	$(call step,$(CALIB) lattice $(WHITE) $(WHITE_FLAGS) -c $(NOMINAL) $(colour))
 
 targets := $(wildcard $(DOTS) $(DOTS:%=%/*))
 $(OUT)/camera-volume.json: $(lattice) $(targets) | $(LOG)

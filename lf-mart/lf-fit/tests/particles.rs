@@ -413,6 +413,7 @@ fn a_camera_that_does_not_explain_the_image_is_corrected() {
         let said = bench.done(&format!("{call} --particles found.csv --stats stats.json --camera-out out.json")).stderr;
         assert!(said.contains("the camera does not explain the image: the "), "{said}");
         assert!(said.contains("too large; the fit corrects it") && !said.contains("noise does not"), "{said}");
+        assert_eq!(said.contains("--vignetting"), key == "f_number_percent", "{said}");
         let counts = bench.json("stats.json")["counts"].clone();
         let [step, std] = [0, 1].map(|n| counts[key][n].as_f64().unwrap());
         assert!((step / off + 1.0).abs() < 0.06 && std < 0.02 * off, "{key}: {step} +- {std}");

@@ -85,9 +85,13 @@ mod tests {
     /// Light of 400 counts, and an image that differs from it by noise, each value of `side` x `side` pixels.
     fn residual(side: usize) -> Residual {
         let mut random = Pcg64Mcg::new(5);
-        let mut sight = Sight::new(10);
-        let noise: Vec<f32> = (0..140 * 140).map(|_| random.random::<f32>() - 0.5).collect();
-        sight.fill(|row, column| 400.0 + 50.0 * noise[140 * (row / side) + column / side]);
+        let mut sight = Sight::new(20);
+        let noise: Vec<f32> = (0..280 * 280).map(|_| random.random::<f32>() - 0.5).collect();
+        // Light of particles beside the image does not count.
+        let beside = |place: usize| if (40..240).contains(&place) { 0.0 } else { 900.0 };
+        sight.fill(|row, column| {
+            400.0 + beside(row) + beside(column) + 50.0 * noise[280 * (row / side) + column / side]
+        });
         let mut view = view(&sight, Pose::default(), 1.0);
         view.expected.fill(400.0);
         Cameras { views: vec![view] }.residual()

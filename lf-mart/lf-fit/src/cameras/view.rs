@@ -9,8 +9,9 @@ use crate::particle::Particle;
 use lf_core::camera::Pose;
 use lf_core::particle_image::ParticleModel;
 use lf_core::{Camera, Grid, Optics, Refusal};
-use ndarray::Array2;
+use ndarray::{Array2, s};
 use rayon::prelude::*;
+use std::ops::Range;
 
 /// A camera, its image, and what the fit has found of it.
 #[derive(Debug, Clone)]
@@ -41,7 +42,7 @@ pub struct CameraView<'a> {
     /// Its image; NaN where a pixel is blind.
     pub(crate) image: &'a Array2<f32>,
     /// The share of its light that each pixel counts; None if that is 1 everywhere.
-    pub(crate) flat: Option<&'a Array2<f32>>,
+    pub flat: Option<&'a Array2<f32>>,
     /// Expected counts of each pixel of the image.
     pub(crate) expected: Vec<f32>,
     /// Far light of diffraction in the expected counts. A pass over the particles holds it. None if nothing diffracts.
@@ -52,6 +53,9 @@ pub struct CameraView<'a> {
 pub(crate) const BEYOND_PX: f64 = 40.0;
 /// The scan reaches particles this many depths of focus from the focal plane.
 const SCAN_DEPTHS: f64 = 22.0;
+/// The misfit leaves out this number of lenslets at the image's edges: particles beside it, which no voxel stands for,
+/// light them.
+const RIM: f64 = 3.0;
 /// The misfit counts pixels that are expected to be brighter than this many times the noise of a dark one, and cuts
 /// each square at the second number.
 const LIT: f32 = 3.0;
@@ -182,12 +186,33 @@ impl<'a> CameraView<'a> {
 
     /// Squared differences over variances of all pixels.
     pub(crate) fn sum_of_squares(&self) -> f64 {
-        self.squares(f32::NEG_INFINITY).iter().map(|(sum, _)| sum).sum()
+        let width = self.image.ncols();
+        let of_row = |row: usize| {
+            let pixels = self.image.row(row).into_iter().zip(&self.expected[row * width..(row + 1) * width]);
+            let squares = pixels.filter(|(seen, _)| !seen.is_nan()).map(|(seen, light)| {
+                f64::from(((seen - light).powi(2) / self.noise.variance(*light)).min(MOST_SQUARE))
+            });
+            squares.sum::<f64>()
+        };
+        // Rows are added up in their order, for the same sum by any number of threads.
+        let rows: Vec<f64> = (0..self.image.nrows()).into_par_iter().map(of_row).collect();
+        rows.iter().sum()
     }
 
     /// Squared differences over variances of the pixels that are expected to be lit, by row: sum and number of pixels.
     fn misfits(&self) -> Vec<(f64, usize)> {
-        self.squares(self.lit())
+        let of_row = |row: usize| {
+            let squares = self.differences(row).into_iter().filter(|difference| !difference.is_nan());
+            squares.fold((0.0, 0), |(sum, count), difference| (sum + f64::from(difference * difference), count + 1))
+        };
+        (0..self.image.nrows()).into_par_iter().map(of_row).collect()
+    }
+
+    /// Pixels along an axis of the image, 0 for rows, that particles outside it hardly light.
+    fn inner(&self, axis: usize) -> Range<usize> {
+        let size = self.image.shape()[axis];
+        let rim = ((RIM * self.camera.pitch_px()) as usize).min(size / 4);
+        rim..size - rim
     }
 
     /// Expected counts above which a pixel is lit.
@@ -196,32 +221,19 @@ impl<'a> CameraView<'a> {
     }
 
     /// Differences over standard deviations in a row, cut at the root of the largest square; NaN where a pixel is blind
-    /// or not lit.
+    /// or not lit. Empty beside the image's edges, without the pixels at its ends.
     pub(crate) fn differences(&self, row: usize) -> Vec<f32> {
-        let (lit, most, width) = (self.lit(), MOST_SQUARE.sqrt(), self.image.ncols());
-        let pixels = self.image.row(row).into_iter().zip(&self.expected[row * width..(row + 1) * width]);
+        if !self.inner(0).contains(&row) {
+            return Vec::new();
+        }
+        let (lit, most, inner) = (self.lit(), MOST_SQUARE.sqrt(), self.inner(1));
+        let expected = &self.expected[row * self.image.ncols()..][inner.clone()];
+        let pixels = self.image.slice(s![row, inner]).into_iter().zip(expected);
         let of_pixel = |(seen, light): (&f32, &f32)| {
             let difference = ((seen - light) / self.noise.variance(*light).sqrt()).clamp(-most, most);
             if *light > lit { difference } else { f32::NAN }
         };
         pixels.map(of_pixel).collect()
-    }
-
-    /// Squared differences over variances of the pixels that are expected to be brighter than `least`, by row.
-    fn squares(&self, least: f32) -> Vec<(f64, usize)> {
-        let noise = &self.noise;
-        let width = self.image.ncols();
-        let of_row = |row: usize| {
-            let (mut sum, mut count) = (0.0, 0usize);
-            for (seen, light) in self.image.row(row).iter().zip(&self.expected[row * width..(row + 1) * width]) {
-                if !seen.is_nan() && *light > least {
-                    sum += f64::from(((seen - light).powi(2) / noise.variance(*light)).min(MOST_SQUARE));
-                    count += 1;
-                }
-            }
-            (sum, count)
-        };
-        (0..self.image.nrows()).into_par_iter().map(of_row).collect()
     }
 }
 

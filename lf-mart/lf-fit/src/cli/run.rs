@@ -157,7 +157,7 @@ fn warn_of_doubts(doubts: Doubts, view: &CameraView, name: &str, session: &mut S
 /// Warns of a model that does not explain the image.
 fn warn_of_model(found: &Fit, session: &mut Session) {
     let Fit { misfit, residual, excess, widened, is_stopped, .. } = *found;
-    let CameraView { shape, camera, shape_std_px, .. } = found.cameras[0];
+    let CameraView { shape, camera, shape_std_px, flat, .. } = found.cameras[0];
     let corrected = shape.corrections(camera, shape_std_px);
     let bounds = shape.at_bounds();
     bounds.iter().for_each(|(name, end)| {
@@ -168,9 +168,17 @@ fn warn_of_model(found: &Fit, session: &mut Session) {
     });
     if !corrected.is_empty() {
         let each: Vec<String> = corrected.iter().map(|one| format!("the {}", one.words())).collect();
+        // Light that falls towards the rim of the stop looks like a smaller one.
+        let is_shaded = flat.is_none() && corrected.iter().any(|one| one.parameter.key.starts_with("f_number"));
+        let shading = if is_shaded {
+            "; light that falls towards the rim of the stop looks the same: give the camera a flat field (lf-calib lattice \
+             --vignetting)"
+        } else {
+            ""
+        };
         session.warn(format!(
             "the camera does not explain the image: {}; the fit corrects it; write the camera with --camera-out, and begin \
-             again with it; --hold camera keeps what is given",
+             again with it{shading}; --hold camera keeps what is given",
             each.join(", ")
         ));
     }
