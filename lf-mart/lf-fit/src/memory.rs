@@ -34,8 +34,6 @@ const SAMPLE_PIXEL: usize = 2 * 4 * SHAPES + 8 + THREAD_PIXEL;
 /// Heap bytes per live byte of particle images; allocations of many sizes fragment it. From runs with 0.1 to 1
 /// particles a lenslet.
 const HEAP: f64 = 2.6;
-/// Like `HEAP`, but for several threads: each has a heap of its own.
-const HEAPS: f64 = 3.2;
 /// Smallest size, px, that is assumed where the size is fitted: a fit of larger particles may take more.
 const LARGE_PX: f64 = 1.0;
 /// Number of depths at which an image is tried.
@@ -168,7 +166,6 @@ impl ImageSize {
 
     /// Bytes of a particle while it is fitted: it has two images, its entries and its blocks.
     fn fitted_bytes(self) -> usize {
-        let heap = if rayon::current_num_threads() > 1 { HEAPS } else { HEAP };
-        (heap * (2 * self.bytes + ENTRY * self.pixels + NEIGHBOURS * BLOCK) as f64) as usize
+        (HEAP * (2 * self.bytes + ENTRY * self.pixels + NEIGHBOURS * BLOCK) as f64) as usize
     }
 }
