@@ -55,16 +55,14 @@ pub fn rim_blur(white: &Array2<f32>, camera: &Camera, lattice: &ImageLattice) ->
     let mut cell = MeanCell::new(white, camera, lattice)?;
     let half_px = 0.5 * camera.demagnification() * camera.aperture_mm() / camera.sensor.pixel_pitch_mm;
     let blur = camera.blur.unwrap_or_default();
-    let named = cell.soft_edge(half_px)?;
+    let named = cell.soft_edge(half_px, blur.wavelength_nm)?;
     if blur.wavelength_nm.is_some() {
-        return Some(RimBlur { wavelength_nm: blur.wavelength_nm, ..named.blur });
+        return Some(named.blur);
     }
     let green = Blur { wavelength_nm: Some(GREEN_NM), ..blur };
     cell.terms = terms(&Camera { blur: Some(green), ..camera.clone() }, cell.basis_px, cell.count, cell.bins);
-    match cell.soft_edge(half_px).filter(|edge| edge.squares < named.squares) {
-        Some(edge) => Some(RimBlur { wavelength_nm: green.wavelength_nm, ..edge.blur }),
-        None => Some(named.blur),
-    }
+    let diffracted = cell.soft_edge(half_px, green.wavelength_nm).filter(|edge| edge.squares < named.squares);
+    Some(diffracted.unwrap_or(named).blur)
 }
 
 /// A blur that fits the rims, and the sum of the squared residuals.
@@ -154,8 +152,9 @@ impl MeanCell {
         })
     }
 
-    /// The blur with which the rims fit best, from the width of half a stop's image on. None if they do not show it.
-    fn soft_edge(&self, half_px: f64) -> Option<SoftEdge> {
+    /// The blur with which the rims fit best, from the width of half a stop's image on; the terms are those of light
+    /// of this wavelength. None if the rims do not show it.
+    fn soft_edge(&self, half_px: f64, wavelength_nm: Option<f64>) -> Option<SoftEdge> {
         let search = Search {
             slope_steps: &[1e-4, 1e-3],
             damping: 1e-3,
@@ -176,15 +175,14 @@ impl MeanCell {
         let scatter = squares / here.len().saturating_sub(5).max(1) as f64;
         let misfit = here.norm() / (light * (here.len() as f64).sqrt());
         let uncertainty_px2 = (inverse[(1, 1)] * scatter).sqrt().hypot(MODEL_PX2).hypot(UNFOLLOWED_PX2 * misfit);
-        let sigma_px = edge.variance_px2.max(0.0).sqrt();
         // The root of v + u is u / (2 sigma) above sigma, and the root of u where v is 0.
-        let uncertainty_px = (edge.variance_px2.max(0.0) + uncertainty_px2).sqrt() - sigma_px;
-        let seen_px2 = edge.variance_px2.max(SEEN_PX * SEEN_PX);
-        let is_clear = (seen_px2 + uncertainty_px2).sqrt() - seen_px2.sqrt() < MOST_UNCERTAIN_PX
+        let uncertainty_px = |px2: f64| (px2 + uncertainty_px2).sqrt() - px2.sqrt();
+        let is_clear = uncertainty_px(edge.variance_px2.max(SEEN_PX * SEEN_PX)) < MOST_UNCERTAIN_PX
             && edge.variance_px2 > -3.0 * uncertainty_px2
             && misfit < MOST_MISFIT
             && edge.variance_px2 < half_px * half_px;
-        let blur = RimBlur { sigma_px, uncertainty_px, wavelength_nm: None };
+        let px2 = edge.variance_px2.max(0.0);
+        let blur = RimBlur { sigma_px: px2.sqrt(), uncertainty_px: uncertainty_px(px2), wavelength_nm };
         is_clear.then_some(SoftEdge { blur, squares })
     }
 

@@ -100,12 +100,13 @@ fn work_bytes(particles: &Particles, image: ImageSize, in_tile: usize) -> usize 
     let plan = particles.plan();
     let of_colour = |colour: &usize| plan.colours.iter().filter(|other| *other == colour).count();
     let of_colour = plan.colours.iter().map(of_colour).max().unwrap_or(0);
-    let window = WINDOW_PIXEL * window_pixels(&plan.windows);
+    let pixels = window_pixels(&plan.windows);
+    let window = WINDOW_PIXEL * pixels;
     let fitted = rayon::current_num_threads().min(of_colour) * in_tile * image.fitted_bytes();
     let fits = of_colour.min(AT_ONCE) * window + fitted;
     let renders = plan.windows.len().min(AT_ONCE) * window;
     let noise = particles.cameras.views.iter().map(|view| NOISE_PIXEL * MOST_PIXELS.min(view.image.len())).max();
-    let buffers = rayon::current_num_threads().min(plan.windows.len()) * THREAD_PIXEL * window_pixels(&plan.windows);
+    let buffers = rayon::current_num_threads().min(plan.windows.len()) * THREAD_PIXEL * pixels;
     buffers + fits.max(renders).max(noise.unwrap_or(0))
 }
 
