@@ -35,6 +35,6 @@ pub use target::{
     main_lens_steps, setup_mistake,
 };
 pub use white::{
-    Calibrated, Centre, Fill, ImageLattice, Keep, LATTICE_STEPS, PitchChange, Pupil, Residual, RimBlur, StopWidth,
-    calibrate, find_lattice, flat_field, rim_blur,
+    Calibrated, Centre, Fill, ImageLattice, Iris, Keep, LATTICE_STEPS, PitchChange, Pupil, Residual, RimBlur, Rims,
+    StopWidth, calibrate, find_lattice, flat_field, rims,
 };

@@ -370,7 +370,7 @@ def read_frame(
     if camera.flat_field is not None:
         flat = sized(camera.flat_field)[0]
         counts = np.where(flat < 0.05, np.float32(np.nan), counts / np.maximum(flat, np.float32(0.05)))
-    if camera.second_stop is not None:
+    if camera.second_stop is not None or camera.blades is not None:
         counts = np.where(camera.is_cut(), np.float32(np.nan), counts)
     if mask is not None:
         counts = np.where(sized(mask)[0] > 0, counts, np.float32(np.nan))
@@ -665,7 +665,7 @@ class Camera:
     LEAST_COSINE2 = 0.05  # For rays before a telecentric lens.
     FARTHEST = 1.5  # Radii beyond which the departure of the lenslets stays constant.
     BLOCKS = {"frame", "sensor", "main_lens", "microlenses", "distortion", "tilt", "medium", "blur", "sensor_noise"}
-    BLOCKS |= {"aberrations", "centres", "second_stop", "vignetting", "pose", "calibration"}
+    BLOCKS |= {"aberrations", "blades", "centres", "second_stop", "vignetting", "pose", "calibration"}
 
     def __init__(self, path):
         try:
@@ -702,7 +702,8 @@ class Camera:
             names = ("spherical_px", "secondary_spherical_px", "coma_px", "coma_px_per_mm", "astigmatism_px", "field_curvature_px")
             self.aberrations_mm = [terms.get(name, 0) * self.pixel_mm for name in names]
             self.medium, self.centres = given.get("medium"), given.get("centres")
-            self.second_stop, self.blur = given.get("second_stop"), given.get("blur", {})
+            self.second_stop, self.blades = given.get("second_stop"), given.get("blades")
+            self.blur = given.get("blur", {})
             if self.medium is not None:
                 self.window_z_mm, self.medium_index = self.medium["window_z_mm"], self.medium["index"]
                 self.window = self.medium.get("window_thickness_mm", 0), self.medium.get("window_index", 1)
@@ -723,10 +724,11 @@ class Camera:
         return Grid.in_bounds([(x0, x1), (y0, y1), depth_mm], spacing_mm)
 
     def is_cut(self) -> np.ndarray:
-        """Whether the second stop leaves a pixel no light of the main stop, or a part of it: (height, width), bool."""
+        """Whether the second stop or a blade leaves a pixel no light of the main stop, or a part of it: (height, width),
+        bool."""
         stop, (width, height) = self.second_stop, self.sensor_px
         unit = (self.blur.get("wavelength_nm") or 0) * 1e-6 * self.gap_mm / self.pixel_mm / self.pitch_mm
-        near = 0.3 + np.hypot(self.blur.get("sigma_px", 0), (0.40 if self.is_hexagonal else 0.36) * unit)
+        near = 0.6 + np.hypot(self.blur.get("sigma_px", 0), (0.40 if self.is_hexagonal else 0.36) * unit)
         half = 0.5 * self.demagnification * self.aperture_mm / self.pixel_mm
         column, row = np.arange(width) + 0.5 - 0.5 * width, np.arange(height)[:, None] + 0.5 - 0.5 * height
         column, row = np.broadcast_arrays(column, row)
@@ -738,9 +740,22 @@ class Camera:
             centre = self.centre_mm(column * self.pixel_mm / growth + x, row * self.pixel_mm / growth + y)
             image = [growth * c / self.pixel_mm for c in centre]
             dx, dy = column - image[0], row - image[1]
-            middle = [a + stop["slope"] * i for a, i in zip(stop.get("aside_px", (0, 0)), image)]
-            cut |= self._cuts(middle, 0.5 * stop["diameter_px"], half, (dx, dy), near)
+            discs = self._blade_discs(half)
+            if stop is not None:
+                middle = [a + stop["slope"] * i for a, i in zip(stop.get("aside_px", (0, 0)), image)]
+                discs.append((middle, 0.5 * stop["diameter_px"]))
+            for middle, radius in discs:
+                cut |= self._cuts(middle, radius, half, (dx, dy), near)
         return cut
+
+    def _blade_discs(self, half):
+        """Middles and radii, px, of the discs that pass inside the blades of an iris; as `Blades::discs` of lf-core."""
+        if self.blades is None:
+            return []
+        count, apothem = self.blades["count"], self.blades["apothem"]
+        back = (1 - apothem**2) / (2 * max(apothem - np.cos(np.pi / count), 1e-6))
+        towards = np.exp(1j * (self.blades["turn_rad"] + np.pi * (2 * np.arange(count) + 1) / count))
+        return [((-back * half * one.real, -back * half * one.imag), (apothem + back) * half) for one in towards]
 
     def _cuts(self, middle, radius, half, place, near):
         """Whether a disc takes light of the main stop from within `near` of a place, all px from the middle of a lenslet

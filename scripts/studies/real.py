@@ -52,8 +52,8 @@ def render(folder, case, density, seed, *keys, base="uniform", frames=1, blur_px
     """Frames, their dark frame, and what a laboratory knows of the camera: calibrated.json. blur_px None: an ideal lens."""
     half = half_mm / case.magnification
     blur = [] if blur_px is None else [f'camera.blur={{"wavelength_nm": {WAVELENGTH_NM}, "sigma_px": {blur_px}}}']
-    # Calibration images see the second stop too.
-    blur += [key for key in keys if key.startswith("second_stop=")]
+    # Calibration images see the same stop.
+    blur += [key for key in keys if key.startswith(("second_stop=", "camera.blades=", "camera.main_lens.working"))]
     camera = [*case.keys(), *blur, f"camera.sensor.width={side}", f"camera.sensor.height={side}"]
     noise = [f"sensor_noise={json.dumps(sensor)}"]
     scene = [*camera, f"seed={seed}", f"frames={frames}", f"particles.per_lenslet={density}", "particles.rays=400000",

@@ -1,6 +1,6 @@
 //! The main lens in the messages of `lf-calib lattice`: f-number and exit pupil.
 
-use lf_calib::{Calibrated, Fill, PitchChange, Pupil};
+use lf_calib::{Calibrated, Fill, Iris, PitchChange, Pupil};
 use lf_core::{Camera, Session};
 
 /// Warn from this relative difference on: of the measured f-number, and of the fill of the pitch.
@@ -56,6 +56,29 @@ pub fn report_fill(fill: Option<&Fill>, camera: &Camera, is_kept: bool, session:
             100.0 * apart,
             100.0 * uncertainty,
             fill.f_number() * measured_px / pitch_px
+        ));
+    }
+}
+
+/// Reports an iris, and warns if its area is not that of the nominal f-number.
+pub fn report_iris(iris: Iris, camera: &Camera, nominal: &Camera, session: &Session) {
+    let Iris { blades, half_px, .. } = iris;
+    let corners = camera.main_lens.working_f_number;
+    let by_area = corners / blades.area().sqrt();
+    session.say(format!(
+        "the stop is an iris of {} blades, {half_px:.2} px from the middle of a lenslet image to the corners and {:.2} px \
+         to the sides: f-number {by_area:.3} by its area, {corners:.3} at the corners, which the camera gets; pixels that \
+         a blade cuts are left out, so a round stop would measure depth better",
+        blades.count,
+        blades.apothem * half_px
+    ));
+    let stated = nominal.main_lens.working_f_number;
+    let change = by_area / stated - 1.0;
+    if nominal.blades.is_none() && change.abs() > NOTABLE_STOP {
+        session.warn(format!(
+            "the nominal f-number is {stated}, and the area of the iris gives {by_area:.3} ({:+.1} %): another stop than \
+             stated, or another one was used for the white image (then give --keep-f-number)",
+            100.0 * change
         ));
     }
 }

@@ -1,10 +1,10 @@
 //! `lf-calib lattice`: white images and a nominal camera in, a camera with its microlenses out.
 
 use super::{arguments::LatticeArguments, files::path_from_camera, files::with_history};
-use super::{blur::report_blur, blur::set_blur, fill::report_fill, fill::report_pitch};
+use super::{blur::report_blur, blur::set_blur, fill::report_fill, fill::report_iris, fill::report_pitch};
 use lf_calib::{
     Calibrated, ImageLattice, Keep, LATTICE_STEPS, MeanImage, calibrate, check_saturation, find_lattice, flat_field,
-    plot, rim_blur,
+    plot, rims,
 };
 use lf_core::{Camera, Error, Refusal, Result, Session, Verdict, image, io};
 use lf_plot::Drawing;
@@ -39,8 +39,12 @@ pub fn lattice(arguments: &LatticeArguments, session: &mut Session) -> Result<Ve
     let mut calibrated =
         calibrate(&lattice, &nominal, Keep { f_number: arguments.keep_f_number, pitch: arguments.keep_pitch })
             .map_err(refused)?;
-    let blur = session.phase("blur", |_| Ok(rim_blur(&white, &calibrated.camera_of_white(), &lattice)))?;
-    if let Some(blur) = blur {
+    let rims = session.phase("rims", |_| Ok(rims(&white, &calibrated.camera_of_white(), &lattice)))?;
+    let iris = rims.iris.filter(|_| !arguments.keep_f_number);
+    if let Some(iris) = iris {
+        calibrated.set_iris(iris);
+    }
+    if let Some(blur) = rims.blur {
         set_blur(&mut calibrated.camera, blur);
     }
 
@@ -54,8 +58,13 @@ pub fn lattice(arguments: &LatticeArguments, session: &mut Session) -> Result<Ve
     calibrated.camera.vignetting = flat;
     session.phase("write", |session| save(arguments, &calibrated, flat_pixels.as_ref(), picture.as_ref(), session))?;
     // If a file cannot be written, its error is the only line.
-    report(&lattice, &calibrated, &nominal, arguments.keep_f_number, session);
-    report_blur(blur, &nominal, session);
+    report(&lattice, &calibrated, &nominal, session);
+    match (iris, calibrated.is_ambiguous) {
+        (Some(iris), _) => report_iris(iris, &calibrated.camera, &nominal, session),
+        (None, false) => report_fill(calibrated.fill.as_ref(), &calibrated.camera, arguments.keep_f_number, session),
+        (None, true) => {}
+    }
+    report_blur(rims.blur, &nominal, session);
     Ok(Verdict::Done)
 }
 
@@ -143,7 +152,7 @@ fn table(calibrated: &Calibrated) -> String {
     text
 }
 
-fn report(lattice: &ImageLattice, calibrated: &Calibrated, nominal: &Camera, is_kept: bool, session: &mut Session) {
+fn report(lattice: &ImageLattice, calibrated: &Calibrated, nominal: &Camera, session: &mut Session) {
     session.count("lenslets", lattice.kept());
     session.count("lenslets_rejected", lattice.centres.len() - lattice.kept());
     session.count("lenslets_in_frame", lattice.in_frame);
@@ -179,9 +188,6 @@ fn report(lattice: &ImageLattice, calibrated: &Calibrated, nominal: &Camera, is_
         ));
     }
     report_pitch(calibrated, nominal, session);
-    if !calibrated.is_ambiguous {
-        report_fill(calibrated.fill.as_ref(), &calibrated.camera, is_kept, session);
-    }
     if calibrated.is_ambiguous {
         session.warn(
             "by the f-number lenslet images overlap, and a lattice half a pitch aside fits them as well: the one nearer to the \

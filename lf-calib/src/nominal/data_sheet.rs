@@ -70,6 +70,7 @@ impl DataSheet {
             tilt: None,
             medium: None,
             centres: None,
+            blades: None,
             second_stop: None,
             vignetting: None,
             blur: self.wavelength_nm.map(|nm| Blur { sigma_px: 0.0, wavelength_nm: Some(nm) }),

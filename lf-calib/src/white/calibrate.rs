@@ -4,7 +4,7 @@
 
 use super::image_lattice::{Centre, ImageLattice};
 use super::{basis::nearest_offset, basis::nearest_turn, basis::unit_basis, departure::DepartureFit, followed::few};
-use super::{fill::Fill, fill::free_pitch_mm, pupil::PitchChange, pupil::Pupil};
+use super::{fill::Fill, fill::free_pitch_mm, pupil::PitchChange, pupil::Pupil, rims::Iris};
 use crate::fit::lenslet_images::{LensletImages, image_px};
 use crate::{fit::changes::record, fit::polynomial::TiePoint};
 use glam::DVec2;
@@ -46,6 +46,24 @@ impl Calibrated {
             fill.with_stop(&mut camera);
         }
         camera
+    }
+
+    /// Puts an iris into the camera: its blades, its width at the corners, which gives the f-number, and its middle.
+    pub fn set_iris(&mut self, iris: Iris) {
+        let wide_px = self.camera.demagnification() * self.camera.aperture_mm() / self.camera.sensor.pixel_pitch_mm;
+        let width_px = 2.0 * iris.half_px;
+        self.camera.main_lens.working_f_number *= wide_px / width_px;
+        self.camera.blades = Some(iris.blades);
+        let aside_mm = LensletImages::new(&self.camera).lenslet_mm_per_px() * iris.aside_px;
+        let offset_mm = DVec2::from(self.camera.microlenses.offset_mm) + aside_mm;
+        self.camera.microlenses.offset_mm = offset_mm.to_array();
+        let fill = |fill: Fill| Fill { measured_px: width_px, ..fill };
+        self.fill = self.fill.map(fill);
+        if let Some(lattice) = self.camera.calibration.as_mut().and_then(|blocks| blocks.get_mut("lattice")) {
+            lattice["micro_image_px"] = width_px.into();
+            lattice["working_f_number"] = self.camera.main_lens.working_f_number.into();
+            lattice["fill"] = self.fill.map(|fill| fill.measured_px / fill.pitch_px).into();
+        }
     }
 }
 
@@ -103,6 +121,7 @@ pub fn calibrate(lattice: &ImageLattice, nominal: &Camera, keep: Keep) -> Result
     }
     camera.centres = departure.centres;
     camera.second_stop = lattice.second_stop;
+    camera.blades = nominal.blades.filter(|_| keep.f_number);
     camera
         .check()
         .map_err(|refusal| Refusal::new(refusal.found, "wanted lenslets near one square or hexagonal lattice"))?;

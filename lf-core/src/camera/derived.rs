@@ -114,7 +114,7 @@ impl Camera {
     }
 
     /// The optional blocks and whether the camera has them. The first six bend rays or defocus the lenslets.
-    fn optional_blocks(&self) -> [(&'static str, bool); 13] {
+    fn optional_blocks(&self) -> [(&'static str, bool); 14] {
         [
             ("medium", self.medium.is_some()),
             ("main_lens.telecentric", self.has_steep_rays()),
@@ -123,6 +123,7 @@ impl Camera {
             ("distortion", self.distortion.is_some()),
             ("aberrations", self.aberrations.is_some()),
             ("centres", self.centres.is_some()),
+            ("blades", self.blades.is_some()),
             ("second_stop", self.second_stop.is_some()),
             ("vignetting", self.vignetting.is_some()),
             ("main_lens.pupil_distance_mm", self.main_lens.pupil_distance_mm.is_some()),

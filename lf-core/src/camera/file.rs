@@ -1,6 +1,6 @@
 //! `camera.json` from and to text, and which of its values are refused.
 
-use super::model::{Blur, Camera, Distortion, Medium, SensorNoise, Telecentric, Tilt};
+use super::model::{Aperture, Blur, Camera, Distortion, Medium, SensorNoise, Telecentric, Tilt};
 use crate::{Error, Refusal, io, json};
 use std::path::{Path, PathBuf};
 
@@ -106,6 +106,11 @@ impl Camera {
         }
         if let Some(centres) = &self.centres {
             centres.check()?;
+        }
+        if let Some(blades) = &self.blades {
+            blades.check()?;
+            let found = || "blades, and main_lens.aperture is 'square'";
+            Refusal::unless(self.main_lens.aperture == Aperture::Circle, found, "wanted 'circle' with blades")?;
         }
         if let Some(stop) = &self.second_stop {
             stop.check()?;

@@ -11,7 +11,8 @@
 //!
 //! `blur` is light that a sharp camera would put elsewhere: [`Blur`]. lf-synth renders it, and the images of particles
 //! have it; the weights of voxels do not. `second_stop` is a rim that cuts into the beam beside the axis, as lf-calib
-//! finds it in white images: [`SecondStop`]. Pixels that it reaches count as blind.
+//! finds it in white images: [`SecondStop`]. `blades` are those of an iris: [`Blades`]. Pixels that they reach count as
+//! blind.
 //!
 //! `frame` is `right-handed` in every file that the tools write. A camera without it is read too, so that a data sheet
 //! may be typed in without it and cameras of lf 0.1.0 keep their worth: no key depends on where X points.
@@ -48,6 +49,7 @@
 //! ```
 
 mod aberrations;
+mod blades;
 mod blur;
 mod cut_pixels;
 mod depths;
@@ -61,6 +63,7 @@ mod second_stop;
 
 pub use crate::lattice::{Layout, Microlenses};
 pub(crate) use aberrations::RayAberrations;
+pub use blades::Blades;
 pub use blur::Diffraction;
 pub use derived::ALIGNED_PX;
 pub use evidence::{COUNT, Correction, EXPLAINED, Evidence, PARAMETERS, Parameter, stepped};

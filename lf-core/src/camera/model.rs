@@ -1,5 +1,6 @@
 //! The keys of `camera.json`.
 
+use super::blades::Blades;
 use super::pose::Pose;
 use super::second_stop::SecondStop;
 use crate::frame::Frame;
@@ -42,6 +43,9 @@ pub struct Camera {
     /// Measured departure of the lenslets from the perfect lattice; none if absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub centres: Option<Centres>,
+    /// Blades of an iris, which leave a polygon of the round stop; none if absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub blades: Option<Blades>,
     /// A second stop that cuts into the lenslet images; none if absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub second_stop: Option<SecondStop>,

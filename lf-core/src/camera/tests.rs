@@ -27,6 +27,7 @@ pub(crate) fn seed(lenslets: usize, aperture: Aperture, layout: Layout, rotation
         tilt: None,
         medium: None,
         centres: None,
+        blades: None,
         second_stop: None,
         vignetting: None,
         blur: None,

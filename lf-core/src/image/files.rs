@@ -137,13 +137,11 @@ fn read_frame(
             }
         });
     }
-    camera.cut_pixels(|column, row| {
-        image.pixels[(row, column)] = f32::NAN;
-        // No light arrives there that could spread.
-        if is_signed {
-            flat.get_or_insert_with(|| Array2::ones((height, width)))[(row, column)] = 0.0;
-        }
-    });
+    if let Some(cut) = camera.cut_pixels() {
+        image.pixels.zip_mut_with(&cut, |pixel, share| *pixel = if share.is_nan() { *pixel } else { f32::NAN });
+        // What arrives at a cut pixel spreads to others. A measured flat field knows how much it is.
+        flat.get_or_insert_with(|| cut.mapv(|share| if share.is_nan() { 1.0 } else { share }));
+    }
     let flat = flat.filter(|_| is_signed);
     Ok(Frame { pixels: image.pixels, flat, history: image.history, clipped, black, background_share })
 }

@@ -20,6 +20,8 @@ pub struct Instrument {
     aberrations: Option<Aberrations>,
     pub(super) aperture: Shape,
     second_stop: Option<SecondStop>,
+    /// Light passes inside the discs of all blades: their middles in the aperture and radii, mm.
+    blades: Vec<(DVec2, f64)>,
     thick_lens: Option<TracedLens>,
     blur: Option<Pattern>,
     /// Width and height of the sensor, px.
@@ -63,8 +65,12 @@ impl Instrument {
     pub fn new(camera: &Camera, second_stop: Option<SecondStop>, diffraction: Option<&Diffraction>) -> Self {
         let blur = Pattern::new(diffraction, camera);
         let reach_mm = blur.as_ref().map_or(0.0, |pattern| pattern.reach_mm);
+        let optics = Optics::new(&Camera { aberrations: None, ..camera.clone() });
+        let blades = camera.blades.iter().flat_map(|blades| blades.discs(optics.half_aperture_mm));
         Self {
-            optics: Optics::new(&Camera { aberrations: None, ..camera.clone() }),
+            // Lenslet images show the aperture upside down.
+            blades: blades.map(|disc| (-disc.middle_px, disc.radius_px)).collect(),
+            optics,
             aberrations: Aberrations::new(camera),
             aperture: camera.main_lens.aperture.into(),
             second_stop,
@@ -200,9 +206,14 @@ impl Instrument {
     #[inline(always)]
     fn finish(&self, flight: &mut Flight, n: usize, sample: usize, tally: &mut Tally) {
         let Flight { u, v, x, y, blocked, column, row } = flight;
-        if let Some(stop) = &self.second_stop {
+        let is_cut = self.second_stop.is_some() || !self.blades.is_empty();
+        if is_cut {
             for i in 0..n {
-                blocked[i] = !stop.passes(&self.optics, DVec2::new(x[i], y[i]), DVec2::new(u[i], v[i]));
+                let (array, aperture) = (DVec2::new(x[i], y[i]), DVec2::new(u[i], v[i]));
+                let is_outside = |(middle, radius): &(DVec2, f64)| aperture.distance_squared(*middle) > radius * radius;
+                blocked[i] = self.thick_lens.is_some() && blocked[i]
+                    || self.second_stop.is_some_and(|stop| !stop.passes(&self.optics, array, aperture))
+                    || self.blades.iter().any(is_outside);
             }
         }
         for i in 0..n {
@@ -217,7 +228,7 @@ impl Instrument {
             let place = (self.optics.place_px(DVec2::new(x[i], y[i])) - corner).floor();
             (column[i], row[i]) = (place.x as i32, place.y as i32);
         }
-        if self.second_stop.is_some() || self.thick_lens.is_some() {
+        if is_cut || self.thick_lens.is_some() {
             for i in 0..n {
                 if blocked[i] {
                     column[i] = i32::MIN;

@@ -1,30 +1,20 @@
-//! The blur on the sensor, by how soft the rims of the lenslet images are.
+//! The mean lenslet image of a white image, and the image of a blurred stop that it is compared with.
 //!
 //! A white image is the same from lenslet to lenslet, so it is a Fourier series over the lattice. Each of its terms is
-//! that of the stop's image (a disc or a square), times those of the pixel, of diffraction, and of a Gaussian: blurs
-//! multiply. The light inside the stop may rise or fall with the square of the distance from the middle. Width and
-//! Gaussian come by Levenberg-Marquardt from the mean of many cells, light and ground linearly.
+//! that of the stop's image (a disc, a square or the polygon of an iris), times those of the pixel, of diffraction, and
+//! of a Gaussian: blurs multiply. The light inside the stop may rise or fall with the square of the distance from the
+//! middle.
 
-use super::image_lattice::ImageLattice;
+use super::{image_lattice::ImageLattice, stop_series::StopSeries};
 use crate::fit::lenslet_images::LensletImages;
-use crate::fit::{polynomial::Polynomial, polynomial::TiePoint, search::Search};
+use crate::fit::{polynomial::Polynomial, polynomial::TiePoint};
 use glam::{DMat2, DVec2};
-use lf_core::camera::{Aperture, Blur, Camera, GREEN_NM};
+use lf_core::camera::{Aperture, Blades, Camera};
 use lf_core::halo::sinc;
 use nalgebra::{DMatrix, DVector};
 use ndarray::{Array2, s};
+use rayon::prelude::*;
 use std::f64::consts::PI;
-
-/// The Gaussian on the sensor, px, and the light that diffracts.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct RimBlur {
-    /// Standard deviation, beyond diffraction at the lenslets if there is a wavelength; of all blur otherwise.
-    pub sigma_px: f64,
-    /// Standard uncertainty.
-    pub uncertainty_px: f64,
-    /// The camera's wavelength; green light where the camera names none and the rims show that it diffracts.
-    pub wavelength_nm: Option<f64>,
-}
 
 /// Bins of a cell a side, for each px of the pitch, and at most.
 const BINS_PER_PX: f64 = 8.0;
@@ -37,44 +27,36 @@ const PIXELS: usize = 3_000_000;
 /// Degree of the smooth light over the frame, and its parts along each side.
 const LIGHT_DEGREE: usize = 3;
 const LIGHT_PARTS: usize = 8;
-/// Largest uncertainty of a blur that is believed, px, and largest misfit over the light. A blur below SEEN_PX may be
-/// as uncertain as one of SEEN_PX with the same uncertainty of its square.
-const MOST_UNCERTAIN_PX: f64 = 0.08;
-const SEEN_PX: f64 = 0.2;
-const MOST_MISFIT: f64 = 0.15;
-/// Uncertainty of the model itself, px^2: the largest error of the square of the blur in images without noise.
-const MODEL_PX2: f64 = 0.004;
-/// Uncertainty that light which the model does not follow adds, px^2 for a misfit of all the light.
-const UNFOLLOWED_PX2: f64 = 0.5;
-/// Variance at the start, and its limits, px^2.
-const START_PX2: f64 = 0.2;
+/// Limits of the variance, px^2.
 const LIMITS_PX2: [f64; 2] = [-0.3, 25.0];
 
-/// The blur of a white image whose camera is known, with the stop of the image. None if its rims do not show it.
-pub fn rim_blur(white: &Array2<f32>, camera: &Camera, lattice: &ImageLattice) -> Option<RimBlur> {
-    let mut cell = MeanCell::new(white, camera, lattice)?;
-    let half_px = 0.5 * camera.demagnification() * camera.aperture_mm() / camera.sensor.pixel_pitch_mm;
-    let blur = camera.blur.unwrap_or_default();
-    let named = cell.soft_edge(half_px, blur.wavelength_nm)?;
-    if blur.wavelength_nm.is_some() {
-        return Some(named.blur);
-    }
-    let green = Blur { wavelength_nm: Some(GREEN_NM), ..blur };
-    cell.terms = terms(&Camera { blur: Some(green), ..camera.clone() }, cell.basis_px, cell.count, cell.bins);
-    let diffracted = cell.soft_edge(half_px, green.wavelength_nm).filter(|edge| edge.squares < named.squares);
-    Some(diffracted.unwrap_or(named).blur)
-}
-
-/// A blur that fits the rims, and the sum of the squared residuals.
-struct SoftEdge {
-    blur: RimBlur,
-    squares: f64,
-}
-
+/// The image of a stop.
 #[derive(Debug, Clone, Copy)]
-struct Edge {
-    half_px: f64,
-    variance_px2: f64,
+pub(super) struct Edge {
+    /// Half its width, at the corners of blades.
+    pub(super) half_px: f64,
+    /// Of the Gaussian beyond diffraction.
+    pub(super) variance_px2: f64,
+    pub(super) blades: Option<Blades>,
+    /// Its middle, from the lenslet's. A polygon of an odd number of sides has no symmetry that the lattice could go by.
+    pub(super) aside_px: DVec2,
+}
+
+impl Edge {
+    /// After a step of the logarithm of the half width, the variance, and the blades' turn, apothem and place.
+    pub(super) fn moved(&self, step: &DVector<f64>) -> Self {
+        let blades = |blades: Blades| Blades {
+            turn_rad: blades.turn_rad + step[2].clamp(-0.1, 0.1),
+            apothem: (blades.apothem + step[3].clamp(-0.05, 0.05)).clamp(Blades::straight(blades.count), 1.0),
+            ..blades
+        };
+        Self {
+            half_px: self.half_px * step[0].clamp(-0.1, 0.1).exp(),
+            variance_px2: (self.variance_px2 + step[1].clamp(-0.3, 0.3)).clamp(LIMITS_PX2[0], LIMITS_PX2[1]),
+            blades: self.blades.map(blades),
+            aside_px: self.blades.map_or(DVec2::ZERO, |_| self.aside_px + DVec2::new(step[4], step[5])),
+        }
+    }
 }
 
 /// A frequency of the lattice, and what pixel, bin and diffraction leave of it.
@@ -84,12 +66,12 @@ struct Term {
 }
 
 /// The mean cell in bins of lattice coordinates.
-struct MeanCell {
+pub(super) struct WhiteCell {
     aperture: Aperture,
     /// Terms for n from -count to count, fastest, and m from 0 to count: those of -m are the same as those of m.
     terms: Vec<Term>,
     /// Cosine and sine of each n at the middle of each bin, n fastest.
-    waves: Vec<[f64; 2]>,
+    waves: Vec<DVec2>,
     count: usize,
     bins: usize,
     /// Mean light of each bin and the square root of its share of the pixels, u fastest.
@@ -101,8 +83,8 @@ struct MeanCell {
     cell_px2: f64,
 }
 
-impl MeanCell {
-    fn new(white: &Array2<f32>, camera: &Camera, lattice: &ImageLattice) -> Option<Self> {
+impl WhiteCell {
+    pub(super) fn new(white: &Array2<f32>, camera: &Camera, lattice: &ImageLattice) -> Option<Self> {
         let perfect = Camera { centres: None, ..camera.clone() }.lattice();
         let [origin, along, across] = [(0, 0), (1, 0), (0, 1)].map(|(i, j)| perfect.centre_mm(i, j));
         let basis_mm = DMat2::from_cols(along - origin, across - origin);
@@ -152,48 +134,30 @@ impl MeanCell {
         })
     }
 
-    /// The blur with which the rims fit best, from the width of half a stop's image on; the terms are those of light
-    /// of this wavelength. None if the rims do not show it.
-    fn soft_edge(&self, half_px: f64, wavelength_nm: Option<f64>) -> Option<SoftEdge> {
-        let search = Search {
-            slope_steps: &[1e-4, 1e-3],
-            damping: 1e-3,
-            factors: [0.2, 10.0],
-            least_square: 0.0,
-            least_gain: 1e-8,
-        };
-        let residuals = |edge: &Edge| Some(self.residuals(*edge)?.0);
-        let moved = |edge: &Edge, step: &DVector<f64>| Edge {
-            half_px: edge.half_px * step[0].clamp(-0.1, 0.1).exp(),
-            variance_px2: (edge.variance_px2 + step[1].clamp(-0.3, 0.3)).clamp(LIMITS_PX2[0], LIMITS_PX2[1]),
-        };
-        let edge = search.run(Edge { half_px, variance_px2: START_PX2 }, residuals, moved)?;
-        let (here, light) = self.residuals(edge)?;
-        let slopes = search.slopes(&edge, &here, residuals, moved)?;
-        let inverse = slopes.tr_mul(&slopes).try_inverse()?;
-        let squares = here.norm_squared();
-        let scatter = squares / here.len().saturating_sub(5).max(1) as f64;
-        let misfit = here.norm() / (light * (here.len() as f64).sqrt());
-        let uncertainty_px2 = (inverse[(1, 1)] * scatter).sqrt().hypot(MODEL_PX2).hypot(UNFOLLOWED_PX2 * misfit);
-        // The root of v + u is u / (2 sigma) above sigma, and the root of u where v is 0.
-        let uncertainty_px = |px2: f64| (px2 + uncertainty_px2).sqrt() - px2.sqrt();
-        let is_clear = uncertainty_px(edge.variance_px2.max(SEEN_PX * SEEN_PX)) < MOST_UNCERTAIN_PX
-            && edge.variance_px2 > -3.0 * uncertainty_px2
-            && misfit < MOST_MISFIT
-            && edge.variance_px2 < half_px * half_px;
-        let px2 = edge.variance_px2.max(0.0);
-        let blur = RimBlur { sigma_px: px2.sqrt(), uncertainty_px: uncertainty_px(px2), wavelength_nm };
-        is_clear.then_some(SoftEdge { blur, squares })
+    /// The middles of all bins, from the nearest lenslet image.
+    pub(super) fn bins_px(&self) -> impl Iterator<Item = DVec2> {
+        (0..self.levels.len()).map(|n| {
+            let turns = DVec2::new((n % self.bins) as f64 + 0.5, (n / self.bins) as f64 + 0.5) / self.bins as f64;
+            let corners = [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (1.0, 1.0)].map(|corner| turns - DVec2::from(corner));
+            let from = corners.map(|turns| self.basis_px * turns);
+            from.into_iter().min_by(|a, b| a.length().total_cmp(&b.length())).expect("four corners")
+        })
+    }
+
+    /// Takes light that diffracts as the camera says.
+    pub(super) fn set_light(&mut self, camera: &Camera) {
+        self.terms = terms(camera, self.basis_px, self.count, self.bins);
     }
 
     /// Residuals of the best light and ground for an edge, and that light. None without light.
-    fn residuals(&self, edge: Edge) -> Option<(DVector<f64>, f64)> {
-        let stop = StopSeries { aperture: self.aperture, half_px: edge.half_px };
+    pub(super) fn residuals(&self, edge: &Edge) -> Option<(DVector<f64>, f64)> {
+        let stop = StopSeries::new(self.aperture, edge.half_px, edge.blades);
         let blurred = |term: &Term| {
             let soft = (-2.0 * PI * PI * edge.variance_px2 * term.frequency.length_squared()).exp();
-            stop.at(term.frequency).map(|share| share * soft * term.transfer / self.cell_px2)
+            let aside = DVec2::from_angle(-2.0 * PI * term.frequency.dot(edge.aside_px));
+            stop.at(term.frequency).map(|share| aside.rotate(share) * soft * term.transfer / self.cell_px2)
         };
-        let series: Vec<[f64; 2]> = self.terms.iter().map(blurred).collect();
+        let series: Vec<[DVec2; 2]> = self.terms.par_iter().map(blurred).collect();
         let columns = [0, 1].map(|n| self.levels(series.iter().map(|both| both[n])));
         let lines = DMatrix::from_fn(self.levels.len(), 3, |bin, n| {
             self.weights[bin] * if n < 2 { columns[n][bin] } else { 1.0 }
@@ -206,8 +170,8 @@ impl MeanCell {
         (light > 0.0).then(|| (levels - lines * solution, light))
     }
 
-    /// The series with these real, even coefficients, at the mean place of every bin.
-    fn levels(&self, coefficients: impl Iterator<Item = f64>) -> Vec<f64> {
+    /// The series with these coefficients, complex numbers, at the mean place of every bin.
+    fn levels(&self, coefficients: impl Iterator<Item = DVec2>) -> Vec<f64> {
         let (bins, middles) = (self.bins, self.sum(coefficients));
         let at = |u: usize, v: usize| middles[v % bins * bins + u % bins];
         let level = |(n, aside): (usize, &DVec2)| {
@@ -219,32 +183,32 @@ impl MeanCell {
     }
 
     /// The series at the middle of every bin.
-    fn sum(&self, coefficients: impl Iterator<Item = f64>) -> Vec<f64> {
+    fn sum(&self, coefficients: impl Iterator<Item = DVec2>) -> Vec<f64> {
         let (side, half, bins) = (2 * self.count + 1, self.count + 1, self.bins);
         let waves = |bin: usize| &self.waves[bin * side..(bin + 1) * side];
         // Sum along u for every m, then along v.
-        let coefficients: Vec<f64> = coefficients.collect();
-        let mut along = vec![[0.0; 2]; bins * half];
+        let coefficients: Vec<DVec2> = coefficients.collect();
+        let mut along = vec![DVec2::ZERO; bins * half];
         for (m, line) in coefficients.chunks(side).enumerate() {
             for bin in 0..bins {
                 let pairs = line.iter().zip(waves(bin));
-                along[bin * half + m] = pairs.fold([0.0; 2], |[a, b], (c, [cos, sin])| [a + c * cos, b + c * sin]);
+                along[bin * half + m] = pairs.map(|(c, wave)| wave.rotate(*c)).sum();
             }
         }
         let value = |k: usize| {
             let (u, v) = (k % bins, k / bins);
             let pairs = along[u * half..(u + 1) * half].iter().zip(&waves(v)[self.count..]);
-            pairs.map(|([a, b], [cos, sin])| a * cos - b * sin).sum()
+            pairs.map(|(sum, wave)| sum.x * wave.x - sum.y * wave.y).sum()
         };
         (0..bins * bins).map(value).collect()
     }
 }
 
-/// See [`MeanCell::waves`].
-fn waves(count: usize, bins: usize) -> Vec<[f64; 2]> {
+/// See [`WhiteCell::waves`].
+fn waves(count: usize, bins: usize) -> Vec<DVec2> {
     let side = 2 * count + 1;
     let angle = |n: usize, bin: usize| 2.0 * PI * (n as f64 - count as f64) * (bin as f64 + 0.5) / bins as f64;
-    (0..bins * side).map(|k| angle(k % side, k / side)).map(|angle| [angle.cos(), angle.sin()]).collect()
+    (0..bins * side).map(|k| angle(k % side, k / side)).map(DVec2::from_angle).collect()
 }
 
 /// The frequencies of a lattice with these vectors, px. Those of m above 0 count twice.
@@ -273,42 +237,6 @@ fn untouched_px(camera: &Camera, lattice: &ImageLattice) -> f64 {
     let corner = if camera.main_lens.aperture == Aperture::Square { std::f64::consts::SQRT_2 } else { 1.0 };
     let spare_px = 0.5 * (second.diameter_px - corner * width_px) - DVec2::from(second.aside_px).length();
     spare_px / second.slope.abs().max(1e-9)
-}
-
-/// The Fourier transform of a stop's image: of even light, and of light that falls from 1 in the middle to 0 at the rim
-/// with the square of the distance; for a square, along x plus along y.
-struct StopSeries {
-    aperture: Aperture,
-    half_px: f64,
-}
-
-impl StopSeries {
-    fn at(&self, frequency: DVec2) -> [f64; 2] {
-        let half = self.half_px;
-        match self.aperture {
-            Aperture::Circle => {
-                let area = PI * half * half;
-                let k = 2.0 * PI * half * frequency.length();
-                if k < 1e-3 {
-                    return [area, 0.5 * area];
-                }
-                let (j0, j1) = (libm::j0(k), libm::j1(k));
-                [area * 2.0 * j1 / k, area * 4.0 * (2.0 * j1 / k - j0) / (k * k)]
-            }
-            Aperture::Square => {
-                let [x, y] = [frequency.x, frequency.y].map(|f| line(half, 2.0 * PI * half * f));
-                [x[0] * y[0], 0.5 * (x[1] * y[0] + x[0] * y[1])]
-            }
-        }
-    }
-}
-
-/// Integrals over -half to half of cos(k t / half), and of that times 1 - (t / half)^2.
-fn line(half: f64, k: f64) -> [f64; 2] {
-    if k.abs() < 1e-2 {
-        return [2.0 * half, 4.0 / 3.0 * half];
-    }
-    [2.0 * half * k.sin() / k, 4.0 * half * (k.sin() - k * k.cos()) / (k * k * k)]
 }
 
 /// The light over the frame without the lenslets, over its mean.
