@@ -749,7 +749,8 @@ class Camera:
         return cut
 
     def _blade_discs(self, half):
-        """Middles and radii, px, of the discs that pass inside the blades of an iris; as `Blades::discs` of lf-core."""
+        """Middles and radii of the discs inside which light passes the blades of an iris, for lenslet images of this half
+        width; as `Blades::discs` of lf-core."""
         if self.blades is None:
             return []
         count, apothem = self.blades["count"], self.blades["apothem"]
@@ -781,6 +782,8 @@ class Camera:
         centres = 0.5 * self.aperture_mm * ((2 * np.arange(n) + 1) / n - 1)
         v, u = (axis.ravel() for axis in np.meshgrid(centres, centres, indexing="ij"))
         inside = u * u + v * v <= (0.5 * self.aperture_mm) ** 2 if self.is_round else np.full(u.shape, True)
+        for middle, radius in self._blade_discs(0.5 * self.aperture_mm):  # Lenslet images show them upside down.
+            inside &= np.hypot(u + middle[0], v + middle[1]) <= radius
         return np.stack([u[inside], v[inside]], 1)
 
     def array_mm(self, x, y, z, u, v):

@@ -49,6 +49,11 @@ impl Blades {
         })
     }
 
+    /// Whether light comes through a place in the aperture, given over half its width.
+    pub fn passes(&self, aperture: DVec2) -> bool {
+        self.discs(1.0).all(|disc| disc.middle_px.distance(-aperture) <= disc.radius_px)
+    }
+
     /// The polygon's rim, counter-clockwise, for a half width of 1: each side in `parts` chords.
     pub fn rim(&self, parts: u32) -> Vec<DVec2> {
         let discs: Vec<Disc> = self.discs(1.0).collect();
@@ -96,6 +101,9 @@ mod tests {
         for (degrees, wanted) in [(0.0, 10.0), (30.0, 8.660254), (45.0, 8.965755), (90.0, 8.660254), (120.0, 10.0)] {
             assert!((reach(degrees) - wanted).abs() < 1e-3, "{degrees}: {}", reach(degrees));
         }
+        let triangle = Blades { count: 3, turn_rad: 0.0, apothem: 0.5 };
+        // Lenslet images show the aperture upside down.
+        assert!(triangle.passes(DVec2::new(-0.9, 0.0)) && !triangle.passes(DVec2::new(0.6, 0.0)));
         assert!((hexagon.area() - 1.5 * 3f64.sqrt() / PI).abs() < 1e-5);
         for (n, corner) in hexagon.rim(1).iter().enumerate() {
             assert!(corner.distance(DVec2::from_angle(PI / 3.0 * n as f64)) < 1e-5);

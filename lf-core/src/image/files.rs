@@ -83,8 +83,9 @@ pub fn open_frame(
 }
 
 /// Like [`open_frame`], but as a fit needs it. Pixels darker than the background stay negative, so that their mean is
-/// that of the light. They are not divided by the flat field, which is given along: noise is that of the counts. The
-/// flat field is 0 where a second stop cuts. Pixels at a clipped black level get the mean of what was cut off.
+/// that of the light. They are not divided by the flat field, which is given along: noise is that of the counts. Where
+/// a second stop or blades cut, the flat field is what they leave. Pixels at a clipped black level get the mean of
+/// what was cut off.
 pub fn open_signed_frame(
     path: &Path,
     files: FrameFiles,

@@ -16,7 +16,7 @@ const LENSLETS: usize = 1 << 15;
 pub struct StopLight {
     /// Mean light through each place, counts: the pixels there under all lenslets of which the sensor sees the place.
     /// No pixel counts more than the mean brightness of the light, so that a few bright particles do not decide. Blind
-    /// pixels, which are NaN, do not count. 0 for a place that no lenslet shows.
+    /// pixels, which are NaN, do not count. NaN for a place that no lenslet shows.
     pub means: Vec<f64>,
     /// Effective number of lit pixels that a mean is made of, over all places: its relative deviation is one over the
     /// root of it.
@@ -29,7 +29,7 @@ impl StopLight {
         let sums = sums_through(image, camera, tones, stop_mm);
         let [sum, squares] = [1, 2].map(|n| sums.iter().map(|sums| sums[n]).sum::<f64>());
         let samples = if squares > 0.0 { sum * sum / squares / sums.len() as f64 } else { 0.0 };
-        Self { means: sums.iter().map(|[count, sum, _]| sum / count.max(1.0)).collect(), samples }
+        Self { means: sums.iter().map(|[count, sum, _]| sum / count).collect(), samples }
     }
 }
 

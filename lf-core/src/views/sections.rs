@@ -26,7 +26,7 @@ pub struct Sections {
 impl Sections {
     /// n x n sections: `asked`, or the number of pixels under a lenslet. Refuses n outside
     /// [`crate::weights::SECTIONS`]. A section lies inside the stop if its centre does. A round stop has no
-    /// corner sections; if they counted, every voxel would be pruned.
+    /// corner sections, nor has an iris; if they counted, every voxel would be pruned.
     pub fn new(camera: &Camera, asked: Option<usize>) -> Result<Self, Refusal> {
         let n = sections(camera, asked)?;
         let half = 0.5 * camera.aperture_mm();
@@ -35,7 +35,9 @@ impl Sections {
             Aperture::Square => true,
             Aperture::Circle => u * u + v * v <= half * half,
         };
-        let traced = centres_mm.iter().flat_map(|v| centres_mm.iter().map(|u| is_inside(*u, *v))).collect();
+        let passes = |u: f64, v: f64| camera.blades.is_none_or(|blades| blades.passes(DVec2::new(u, v) / half));
+        let traced =
+            centres_mm.iter().flat_map(|v| centres_mm.iter().map(|u| is_inside(*u, *v) && passes(*u, *v))).collect();
         Ok(Self { centres_mm, traced })
     }
 
@@ -45,14 +47,18 @@ impl Sections {
     pub fn lit(&self, image: ArrayView2<f32>, camera: &Camera, grid: &Grid) -> (Self, u32) {
         let tones = Tones::new(image);
         let StopLight { means, samples } = StopLight::new(image, camera, &tones, &self.traced_mm());
-        let usual = ranked(&mut means.clone(), means.len() * 3 / 4).unwrap_or(0.0);
+        // Blind pixels may hide a section, which is then neither lit nor closed.
+        let mut shown: Vec<f64> = means.iter().copied().filter(|light| !light.is_nan()).collect();
+        let rank = shown.len() * 3 / 4;
+        let usual = ranked(&mut shown, rank).unwrap_or(0.0);
         let ends_mm = [0, grid.shape[2] - 1].map(|z| grid.centre_mm(2, z));
         let sure = LIT_SHARE.min(1.0 - SURE / samples.sqrt()) * usual;
         let is_crowded = || fewest_particles(image, camera, &tones, ends_mm) >= FEWEST_PARTICLES;
         let closed = means.iter().filter(|light| **light < sure).count() as u32;
         let closed = if closed > 0 && is_crowded() { closed } else { 0 };
         let mut means = means.into_iter();
-        let is_lit = |traced: &bool| *traced && means.next().is_some_and(|light| light >= LIT_SHARE * usual);
+        let is_bright = |light: f64| usual == 0.0 || light >= LIT_SHARE * usual;
+        let is_lit = |traced: &bool| *traced && means.next().is_some_and(is_bright);
         let traced = self.traced.iter().map(is_lit).collect();
         (Self { centres_mm: self.centres_mm.clone(), traced }, closed)
     }

@@ -39,9 +39,10 @@ fn sensor_and_lens(about: &mut Description, camera: &Camera) {
     about.line("main lens", format!("f {focal} mm, |M| {magnification}"));
     about.line("image distance s_i", format!("{} mm", figures(camera.image_distance_mm())));
     about.line("object distance s_o", format!("{} mm", figures(camera.object_distance_mm())));
-    let stop = match lens.aperture {
-        Aperture::Circle => "round",
-        Aperture::Square => "square",
+    let stop = match (lens.aperture, camera.blades) {
+        (Aperture::Circle, Some(blades)) => format!("an iris of {} blades", blades.count),
+        (Aperture::Circle, None) => "round".to_string(),
+        (Aperture::Square, _) => "square".to_string(),
     };
     if let Some(pupil) = lens.pupil_distance_mm {
         about.line("exit pupil", format!("{} mm from the array", figures(pupil)));
