@@ -36,13 +36,11 @@ pub fn lattice(arguments: &LatticeArguments, session: &mut Session) -> Result<Ve
         let progress = session.progress("rounds", LATTICE_STEPS);
         find_lattice(&white, &|rounds| progress.add(rounds)).map_err(refused)
     })?;
-    let mut calibrated =
-        calibrate(&lattice, &nominal, Keep { f_number: arguments.keep_f_number, pitch: arguments.keep_pitch })
-            .map_err(refused)?;
+    let keep = Keep { f_number: arguments.keep_f_number, pitch: arguments.keep_pitch };
+    let mut calibrated = calibrate(&lattice, &nominal, keep).map_err(refused)?;
     let rims = session.phase("rims", |_| Ok(rims(&white, &calibrated.camera_of_white(), &lattice)))?;
-    let iris = rims.iris.filter(|_| !arguments.keep_f_number);
-    if let Some(iris) = iris {
-        calibrated.set_iris(iris);
+    if let Some(iris) = rims.iris {
+        calibrated.set_iris(iris, keep);
     }
     if let Some(blur) = rims.blur {
         set_blur(&mut calibrated.camera, blur);
@@ -59,10 +57,10 @@ pub fn lattice(arguments: &LatticeArguments, session: &mut Session) -> Result<Ve
     session.phase("write", |session| save(arguments, &calibrated, flat_pixels.as_ref(), picture.as_ref(), session))?;
     // If a file cannot be written, its error is the only line.
     report(&lattice, &calibrated, &nominal, session);
-    match (iris, calibrated.is_ambiguous) {
-        (Some(iris), _) => report_iris(iris, &calibrated.camera, &nominal, session),
-        (None, false) => report_fill(calibrated.fill.as_ref(), &calibrated.camera, arguments.keep_f_number, session),
-        (None, true) => {}
+    match rims.iris.filter(|_| !keep.f_number) {
+        Some(iris) => report_iris(iris, &calibrated.camera, &nominal, session),
+        None if calibrated.is_ambiguous => {}
+        None => report_fill(calibrated.fill.as_ref(), &calibrated.camera, keep.f_number, session),
     }
     report_blur(rims.blur, &nominal, session);
     Ok(Verdict::Done)

@@ -49,16 +49,24 @@ impl Calibrated {
     }
 
     /// Puts an iris into the camera: its blades, its width at the corners, which gives the f-number, and its middle.
-    pub fn set_iris(&mut self, iris: Iris) {
-        let wide_px = self.camera.demagnification() * self.camera.aperture_mm() / self.camera.sensor.pixel_pitch_mm;
-        let width_px = 2.0 * iris.half_px;
-        self.camera.main_lens.working_f_number *= wide_px / width_px;
-        self.camera.blades = Some(iris.blades);
-        let aside_mm = LensletImages::new(&self.camera).lenslet_mm_per_px() * iris.aside_px;
+    /// The stop stays with [`Keep::f_number`].
+    pub fn set_iris(&mut self, iris: Iris, keep: Keep) {
+        let Iris { blades, half_px, aside_px } = iris;
+        let aside_mm = LensletImages::new(&self.camera).lenslet_mm_per_px() * aside_px;
         let offset_mm = DVec2::from(self.camera.microlenses.offset_mm) + aside_mm;
         self.camera.microlenses.offset_mm = offset_mm.to_array();
-        let fill = |fill: Fill| Fill { measured_px: width_px, ..fill };
-        self.fill = self.fill.map(fill);
+        for residual in &mut self.residuals {
+            residual.place_px = (DVec2::from(residual.place_px) + aside_px).to_array();
+        }
+        if keep.f_number {
+            return;
+        }
+
+        let wide_px = self.camera.demagnification() * self.camera.aperture_mm() / self.camera.sensor.pixel_pitch_mm;
+        let width_px = 2.0 * half_px;
+        self.camera.main_lens.working_f_number *= wide_px / width_px;
+        self.camera.blades = Some(blades);
+        self.fill = self.fill.map(|fill| Fill { measured_px: width_px, ..fill });
         if let Some(lattice) = self.camera.calibration.as_mut().and_then(|blocks| blocks.get_mut("lattice")) {
             lattice["micro_image_px"] = width_px.into();
             lattice["working_f_number"] = self.camera.main_lens.working_f_number.into();

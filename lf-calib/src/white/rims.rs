@@ -76,22 +76,10 @@ pub fn rims(white: &Array2<f32>, camera: &Camera, lattice: &ImageLattice) -> Rim
     let round = SoftEdge::nearest(&cell, start);
     // Two discs that cut each other look like a polygon, too.
     let may_be_iris = camera.main_lens.aperture == Aperture::Circle && lattice.second_stop.is_none();
-    let iris = round.as_ref().filter(|_| may_be_iris).and_then(|round| {
-        let mut best: Option<SoftEdge> = None;
-        for start in round.polygons(&cell) {
-            let found = SoftEdge::nearest(&cell, start);
-            best = best.into_iter().chain(found).min_by(|a, b| a.squares().total_cmp(&b.squares()));
-            if best.as_ref().is_some_and(|best| best.squares() < CLEAR_GAIN * round.squares()) {
-                break;
-            }
-        }
-        let found = best?;
-        let is_seen = found.edge.blades.is_some_and(|one| found.edge.half_px * (1.0 - one.apothem) > LEAST_BLADE_PX);
-        (is_seen && found.squares() < LEAST_GAIN * round.squares()).then_some(found)
-    });
+    let iris = round.as_ref().filter(|_| may_be_iris).and_then(|round| round.iris(&cell));
     let Some(mut edge) = iris.or(round) else { return Rims { blur: None, iris: None } };
     let mut wavelength_nm = blur.wavelength_nm;
-    if wavelength_nm.is_none() {
+    if wavelength_nm.is_none() && edge.blur().is_some() {
         let green = Blur { wavelength_nm: Some(GREEN_NM), ..blur };
         cell.set_light(&Camera { blur: Some(green), ..camera.clone() });
         let other = SoftEdge::nearest(&cell, Edge { variance_px2: START_PX2, ..edge.edge });
@@ -132,6 +120,20 @@ impl SoftEdge {
         let (here, light) = cell.residuals(&edge)?;
         let slopes = search.slopes(&edge, &here, residuals, Edge::moved)?;
         Some(Self { edge, residuals: here, slopes, light })
+    }
+
+    /// The polygon that fits better than this disc. None if none does.
+    fn iris(&self, cell: &WhiteCell) -> Option<Self> {
+        let mut best: Option<Self> = None;
+        for start in self.polygons(cell) {
+            let found = Self::nearest(cell, start);
+            best = best.into_iter().chain(found).min_by(|a, b| a.squares().total_cmp(&b.squares()));
+            if best.as_ref().is_some_and(|best| best.squares() < CLEAR_GAIN * self.squares()) {
+                break;
+            }
+        }
+        let is_seen = |edge: Edge| edge.blades.is_some_and(|one| edge.half_px * (1.0 - one.apothem) > LEAST_BLADE_PX);
+        best.filter(|best| is_seen(best.edge) && best.squares() < LEAST_GAIN * self.squares())
     }
 
     /// The polygons that a disc's residuals look like. On a hexagonal lattice five blades look like seven, too.
