@@ -37,8 +37,9 @@ pub(super) struct Edge {
     pub(super) half_px: f64,
     /// Of the Gaussian beyond diffraction.
     pub(super) variance_px2: f64,
+    /// None for a disc or a square.
     pub(super) blades: Option<Blades>,
-    /// Its middle, from the lenslet's. A polygon of an odd number of sides has no symmetry that the lattice could go by.
+    /// Its middle, from the lenslet's: a polygon of an odd number of sides has no symmetry to read the lattice by.
     pub(super) aside_px: DVec2,
 }
 
@@ -68,7 +69,7 @@ struct Term {
 /// The mean cell in bins of lattice coordinates.
 pub(super) struct WhiteCell {
     aperture: Aperture,
-    /// Terms for n from -count to count, fastest, and m from 0 to count: those of -m are the same as those of m.
+    /// Terms for n from -count to count, fastest, and m from 0 to count: those of -m are the conjugates of those of m.
     terms: Vec<Term>,
     /// Cosine and sine of each n at the middle of each bin, n fastest.
     waves: Vec<DVec2>,
