@@ -1,5 +1,5 @@
-//! A second stop, or the blades of an iris, that cut into the lenslet images: white image to particles, by a camera that
-//! lf-calib has found.
+//! A second stop, or the blades of an iris, that cut into the lenslet images: white image to particles, by a camera
+//! that lf-calib has found.
 
 use lf_core::Camera;
 use lf_tests::{Call, Folder};

@@ -1,5 +1,5 @@
-//! The blur on the sensor, by how soft the rims of the lenslet images are, and the blades of an iris. Width, Gaussian and
-//! polygon come by Levenberg-Marquardt from the mean of many cells, light and ground linearly.
+//! The blur on the sensor, by how soft the rims of the lenslet images are, and the blades of an iris. Width, Gaussian
+//! and polygon come by Levenberg-Marquardt from the mean of many cells, light and ground linearly.
 
 use super::image_lattice::ImageLattice;
 use super::white_cell::{Edge, WhiteCell};

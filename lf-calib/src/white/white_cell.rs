@@ -35,7 +35,7 @@ const LIMITS_PX2: [f64; 2] = [-0.3, 25.0];
 pub(super) struct Edge {
     /// Half its width, at the corners of blades.
     pub(super) half_px: f64,
-    /// Of the Gaussian beyond diffraction.
+    /// Variance of the Gaussian beyond diffraction.
     pub(super) variance_px2: f64,
     /// None for a disc or a square.
     pub(super) blades: Option<Blades>,
