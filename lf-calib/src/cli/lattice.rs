@@ -59,7 +59,10 @@ pub fn lattice(arguments: &LatticeArguments, session: &mut Session) -> Result<Ve
     report(&lattice, &calibrated, &nominal, session);
     match rims.iris.filter(|_| !keep.f_number) {
         Some(iris) => report_iris(iris, &calibrated.camera, &nominal, session),
-        None if calibrated.is_ambiguous => {}
+        None if calibrated.is_ambiguous => session.warn(
+            "by the f-number lenslet images overlap, and a lattice half a pitch aside fits them as well: the one nearer to the \
+             nominal offset is written",
+        ),
         None => report_fill(calibrated.fill.as_ref(), &calibrated.camera, keep.f_number, session),
     }
     report_blur(rims.blur, &nominal, session);
@@ -186,10 +189,4 @@ fn report(lattice: &ImageLattice, calibrated: &Calibrated, nominal: &Camera, ses
         ));
     }
     report_pitch(calibrated, nominal, session);
-    if calibrated.is_ambiguous {
-        session.warn(
-            "by the f-number lenslet images overlap, and a lattice half a pitch aside fits them as well: the one nearer to the \
-             nominal offset is written",
-        );
-    }
 }

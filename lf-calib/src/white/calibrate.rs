@@ -62,7 +62,7 @@ impl Calibrated {
             return;
         }
 
-        let wide_px = self.camera.demagnification() * self.camera.aperture_mm() / self.camera.sensor.pixel_pitch_mm;
+        let wide_px = self.camera.stop_image_px();
         let width_px = 2.0 * half_px;
         self.camera.main_lens.working_f_number *= wide_px / width_px;
         self.camera.blades = Some(blades);

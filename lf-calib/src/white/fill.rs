@@ -34,7 +34,7 @@ impl Fill {
         Some(Self {
             measured_px: measured.width_px,
             uncertainty_px: measured.uncertainty_px,
-            nominal_px: camera.demagnification() * camera.aperture_mm() / camera.sensor.pixel_pitch_mm,
+            nominal_px: camera.stop_image_px(),
             pitch_px: free_pitch_mm(camera) * px_per_mm,
             nominal_f_number: camera.main_lens.working_f_number,
         })

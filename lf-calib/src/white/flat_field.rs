@@ -85,7 +85,7 @@ struct StopLight {
 impl StopLight {
     fn new(camera: &Camera) -> Self {
         let shape = camera.main_lens.aperture;
-        let half_px = 0.5 * camera.demagnification() * camera.aperture_mm() / camera.sensor.pixel_pitch_mm;
+        let half_px = 0.5 * camera.stop_image_px();
         let sigma_px = camera.blur_core_px();
         let image = StopImage::new(shape, half_px, sigma_px.max(LEAST_BLUR_PX), &[0]);
         let inwards_px = if sigma_px > 0.0 { image.blur_px() } else { 0.0 };

@@ -70,7 +70,7 @@ const RIDGE: f64 = 0.01;
 /// The rims of a white image. The camera is known, with the stop of the image.
 pub fn rims(white: &Array2<f32>, camera: &Camera, lattice: &ImageLattice) -> Rims {
     let Some(mut cell) = WhiteCell::new(white, camera, lattice) else { return Rims { blur: None, iris: None } };
-    let half_px = 0.5 * camera.demagnification() * camera.aperture_mm() / camera.sensor.pixel_pitch_mm;
+    let half_px = 0.5 * camera.stop_image_px();
     let blur = camera.blur.unwrap_or_default();
     let start = Edge { half_px, variance_px2: START_PX2, blades: None, aside_px: DVec2::ZERO };
     let round = SoftEdge::nearest(&cell, start);

@@ -234,7 +234,7 @@ fn terms(camera: &Camera, basis_px: DMat2, count: usize, bins: usize) -> Vec<Ter
 /// The distance from the frame's middle, px, within which a second stop leaves lenslet images whole.
 fn untouched_px(camera: &Camera, lattice: &ImageLattice) -> f64 {
     let Some(second) = &lattice.second_stop else { return f64::INFINITY };
-    let width_px = camera.demagnification() * camera.aperture_mm() / camera.sensor.pixel_pitch_mm;
+    let width_px = camera.stop_image_px();
     let corner = if camera.main_lens.aperture == Aperture::Square { std::f64::consts::SQRT_2 } else { 1.0 };
     let spare_px = 0.5 * (second.diameter_px - corner * width_px) - DVec2::from(second.aside_px).length();
     spare_px / second.slope.abs().max(1e-9)

@@ -85,7 +85,7 @@ pub fn squares(camera: &Camera, fill: f64) -> Array2<f32> {
 
 /// Diameter or side of the stop's image under a lenslet, px.
 fn stop_px(camera: &Camera) -> f64 {
-    camera.demagnification() * camera.aperture_mm() / camera.sensor.pixel_pitch_mm
+    camera.stop_image_px()
 }
 
 /// Adds 1000 times `share` to every pixel within `reach_px` of each lenslet image. `share` gets the corner of the pixel

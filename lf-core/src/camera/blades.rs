@@ -36,22 +36,19 @@ impl Blades {
     }
 
     /// One disc for each blade, beside the middle of a lenslet image of this half width, px: light passes inside all.
-    /// In the aperture they are mirrored, and in its unit.
     pub fn discs(&self, half_px: f64) -> impl Iterator<Item = Disc> {
         let Self { count, turn_rad, apothem } = *self;
-        let straight = Self::straight(count);
-        // The arc goes through both corners and through the middle of the side.
-        let bend = (apothem - straight).max(LEAST_BEND);
-        let back = (1.0 - apothem * apothem) / (2.0 * bend);
+        let back = self.back();
         (0..count).map(move |side| {
             let towards = DVec2::from_angle(turn_rad + PI * f64::from(2 * side + 1) / f64::from(count));
             Disc { middle_px: -back * half_px * towards, radius_px: (apothem + back) * half_px }
         })
     }
 
-    /// Whether light comes through a place in the aperture, given over half its width.
-    pub fn passes(&self, aperture: DVec2) -> bool {
-        self.discs(1.0).all(|disc| disc.middle_px.distance(-aperture) <= disc.radius_px)
+    /// The discs in the aperture, for half its width: lenslet images show it upside down. Lengths are in the unit of
+    /// `half`.
+    pub fn aperture_discs(&self, half: f64) -> impl Iterator<Item = Disc> {
+        self.discs(half).map(|disc| Disc { middle_px: -disc.middle_px, ..disc })
     }
 
     /// The polygon's rim, counter-clockwise, for a half width of 1: each side in `parts` chords.
@@ -65,11 +62,19 @@ impl Blades {
         (0..self.count * parts).map(point).collect()
     }
 
-    /// The polygon's area over that of the disc through its corners.
+    /// The polygon's area over that of the disc through its corners: for each side a sector of its arc's disc, less the
+    /// triangle from that disc's middle to the polygon's and a corner.
     pub fn area(&self) -> f64 {
-        let rim = self.rim(8);
-        let next = rim.iter().cycle().skip(1);
-        rim.iter().zip(next).map(|(from, to)| from.perp_dot(*to)).sum::<f64>() / (2.0 * PI)
+        let (back, (sin, cos)) = (self.back(), (PI / f64::from(self.count)).sin_cos());
+        let radius = self.apothem + back;
+        f64::from(self.count) * (radius * radius * sin.atan2(cos + back) - back * sin) / PI
+    }
+
+    /// Distance from the polygon's middle to that of a side's arc, on the other side, over the half width: the arc goes
+    /// through both corners and through the middle of the side.
+    fn back(&self) -> f64 {
+        let bend = (self.apothem - Self::straight(self.count)).max(LEAST_BEND);
+        (1.0 - self.apothem * self.apothem) / (2.0 * bend)
     }
 
     pub(super) fn check(&self) -> Result<(), Refusal> {
@@ -102,8 +107,8 @@ mod tests {
             assert!((reach(degrees) - wanted).abs() < 1e-3, "{degrees}: {}", reach(degrees));
         }
         let triangle = Blades { count: 3, turn_rad: 0.0, apothem: 0.5 };
-        // Lenslet images show the aperture upside down.
-        assert!(triangle.passes(DVec2::new(-0.9, 0.0)) && !triangle.passes(DVec2::new(0.6, 0.0)));
+        let passes = |x: f64| triangle.aperture_discs(1.0).all(|disc| disc.holds(DVec2::new(x, 0.0)));
+        assert!(passes(-0.9) && !passes(0.6));
         assert!((hexagon.area() - 1.5 * 3f64.sqrt() / PI).abs() < 1e-5);
         for (n, corner) in hexagon.rim(1).iter().enumerate() {
             assert!(corner.distance(DVec2::from_angle(PI / 3.0 * n as f64)) < 1e-5);

@@ -25,7 +25,7 @@ impl Camera {
         }
         let (optics, lattice) = (Optics::new(self), self.lattice());
         let (near_px, soft_px) = (NEAR_PX + self.blur_core_px(), 1.0 + 2.0 * self.blur_core_px());
-        let half_px = 0.5 * self.demagnification() * self.aperture_mm() / self.sensor.pixel_pitch_mm;
+        let half_px = 0.5 * self.stop_image_px();
         let main_reach_px = |direction: DVec2| match self.main_lens.aperture {
             Aperture::Circle => half_px,
             Aperture::Square => half_px / direction.abs().max_element(),

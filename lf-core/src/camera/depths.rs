@@ -37,12 +37,12 @@ impl Camera {
     /// The depths, mm, between which the light that one pixel receives is narrower than a lenslet. Beyond them, what a
     /// camera resolves across and along the axis grows coarser with the distance from focus.
     pub fn useful_depth_mm(&self) -> [f64; 2] {
-        self.depths_of_lenslets_mm(self.aperture_mm() * self.demagnification() / self.sensor.pixel_pitch_mm)
+        self.depths_of_lenslets_mm(self.stop_image_px())
     }
 
     /// The step in depth, mm, by which the outermost sub-images of a point at depth Z move apart by one pixel.
     pub fn depth_resolution_mm(&self, z_mm: f64) -> f64 {
-        let image_px = self.demagnification() * self.aperture_mm() / self.sensor.pixel_pitch_mm;
+        let image_px = self.stop_image_px();
         if self.main_lens.telecentric.is_some() {
             return z_mm.abs() / image_px;
         }

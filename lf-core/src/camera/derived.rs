@@ -49,6 +49,11 @@ impl Camera {
         self.microlenses.gap_mm.unwrap_or(self.microlenses.focal_length_mm)
     }
 
+    /// k D: width of the stop's image under a lenslet, px; with an iris, that of the disc through its corners.
+    pub fn stop_image_px(&self) -> f64 {
+        self.demagnification() * self.aperture_mm() / self.sensor.pixel_pitch_mm
+    }
+
     /// k = f_l / L: size of the aperture's image under a lenslet over the size of the aperture. A gap g replaces f_l.
     pub fn demagnification(&self) -> f64 {
         self.gap_mm() / self.stop_distance_mm()
@@ -70,7 +75,7 @@ impl Camera {
     /// Whether the sine condition of a telecentric lens moves rays by more than [`ALIGNED_PX`] within a lenslet image.
     pub fn has_steep_rays(&self) -> bool {
         let sine = self.steepest_sine();
-        let radius_px = 0.5 * self.demagnification() * self.aperture_mm() / self.sensor.pixel_pitch_mm;
+        let radius_px = 0.5 * self.stop_image_px();
         (1.0 / (1.0 - sine * sine).max(0.0).sqrt() - 1.0) * radius_px > ALIGNED_PX
     }
 

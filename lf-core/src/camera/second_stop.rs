@@ -36,6 +36,12 @@ pub struct Disc {
 }
 
 impl Disc {
+    /// Whether a place is inside.
+    #[inline(always)]
+    pub fn holds(&self, place_px: DVec2) -> bool {
+        place_px.distance_squared(self.middle_px) <= self.radius_px * self.radius_px
+    }
+
     /// Distance from the middle of the lenslet image to the rim of the disc in a direction; 0 if the ray misses it.
     pub fn reach_px(&self, direction: DVec2) -> f64 {
         let across = self.middle_px.perp_dot(direction);

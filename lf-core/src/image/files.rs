@@ -141,7 +141,9 @@ fn read_frame(
     if let Some(cut) = camera.cut_pixels() {
         image.pixels.zip_mut_with(&cut, |pixel, share| *pixel = if share.is_nan() { *pixel } else { f32::NAN });
         // Light that arrives at a cut pixel spreads to others. A measured flat field knows how much it is.
-        flat.get_or_insert_with(|| cut.mapv(|share| if share.is_nan() { 1.0 } else { share }));
+        if is_signed {
+            flat.get_or_insert_with(|| cut.mapv_into(|share| if share.is_nan() { 1.0 } else { share }));
+        }
     }
     let flat = flat.filter(|_| is_signed);
     Ok(Frame { pixels: image.pixels, flat, history: image.history, clipped, black, background_share })

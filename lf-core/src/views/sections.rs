@@ -1,7 +1,8 @@
 //! The sections of the aperture that rays pass.
 
+use crate::camera::{Aperture, Disc};
 use crate::light::{StopLight, Tones, fewest_particles};
-use crate::{Camera, Grid, Refusal, camera::Aperture, statistics::ranked, weights::sections};
+use crate::{Camera, Grid, Refusal, statistics::ranked, weights::sections};
 use glam::DVec2;
 use ndarray::ArrayView2;
 
@@ -31,13 +32,13 @@ impl Sections {
         let n = sections(camera, asked)?;
         let half = 0.5 * camera.aperture_mm();
         let centres_mm: Vec<f64> = (0..n).map(|i| half * ((2 * i + 1) as f64 / n as f64 - 1.0)).collect();
-        let is_inside = |u: f64, v: f64| match camera.main_lens.aperture {
+        let blades: Vec<Disc> = camera.blades.iter().flat_map(|blades| blades.aperture_discs(half)).collect();
+        let is_inside = |place: DVec2| match camera.main_lens.aperture {
             Aperture::Square => true,
-            Aperture::Circle => u * u + v * v <= half * half,
+            Aperture::Circle => place.length_squared() <= half * half && blades.iter().all(|blade| blade.holds(place)),
         };
-        let passes = |u: f64, v: f64| camera.blades.is_none_or(|blades| blades.passes(DVec2::new(u, v) / half));
-        let traced =
-            centres_mm.iter().flat_map(|v| centres_mm.iter().map(|u| is_inside(*u, *v) && passes(*u, *v))).collect();
+        let places = centres_mm.iter().flat_map(|v| centres_mm.iter().map(|u| DVec2::new(*u, *v)));
+        let traced = places.map(is_inside).collect();
         Ok(Self { centres_mm, traced })
     }
 

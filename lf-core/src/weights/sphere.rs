@@ -39,7 +39,7 @@ impl Sphere {
         let stop = if camera.main_lens.aperture == Aperture::Circle { 0.25 * PI } else { 1.0 };
         let lenslets = PI * cylinder * cylinder / camera.lattice().cell_area_mm2();
         // The image of the aperture under a lenslet is k D wide.
-        let image = camera.demagnification() * camera.aperture_mm() / camera.sensor.pixel_pitch_mm;
+        let image = camera.stop_image_px();
         Self {
             shares: (0..=STEPS).map(share).collect(),
             reach_mm,

@@ -48,7 +48,7 @@ pub fn warn_of_light(explained: Option<f64>, session: &mut Session) {
 /// Describes how the light fills the stop: `31 of 156 sections ...`.
 fn fill(support: &Support, plan: &PrunePlan, camera: &Camera) -> String {
     let (dark, all) = (support.closed_sections, plan.sections());
-    let stated = camera.demagnification() * camera.aperture_mm() / camera.sensor.pixel_pitch_mm;
+    let stated = camera.stop_image_px();
     let lit = stated * (1.0 - f64::from(dark) / f64::from(all)).sqrt();
     let shape = if camera.main_lens.aperture == Aperture::Circle { "disc" } else { "square" };
     format!(

@@ -10,7 +10,7 @@ use super::thick_lens::{LensRay, ThickLens, TracedLens, WIDER};
 use super::{second_stop::SecondStop, tally::Tally};
 use crate::{particles::Particle, random::stream};
 use glam::DVec2;
-use lf_core::{Camera, Optics, frame::sensor_axes};
+use lf_core::{Camera, Optics, camera::Disc, frame::sensor_axes};
 
 /// A camera with the effects that bend or stop its rays.
 #[derive(Debug)]
@@ -20,8 +20,8 @@ pub struct Instrument {
     aberrations: Option<Aberrations>,
     pub(super) aperture: Shape,
     second_stop: Option<SecondStop>,
-    /// Light passes inside the discs of all blades: their middles in the aperture and radii, mm.
-    blades: Vec<(DVec2, f64)>,
+    /// Light passes inside the discs of all blades, mm in the aperture.
+    blades: Vec<Disc>,
     thick_lens: Option<TracedLens>,
     blur: Option<Pattern>,
     /// Width and height of the sensor, px.
@@ -66,10 +66,9 @@ impl Instrument {
         let blur = Pattern::new(diffraction, camera);
         let reach_mm = blur.as_ref().map_or(0.0, |pattern| pattern.reach_mm);
         let optics = Optics::new(&Camera { aberrations: None, ..camera.clone() });
-        let blades = camera.blades.iter().flat_map(|blades| blades.discs(optics.half_aperture_mm));
+        let blades = camera.blades.iter().flat_map(|blades| blades.aperture_discs(optics.half_aperture_mm));
         Self {
-            // Lenslet images show the aperture upside down.
-            blades: blades.map(|disc| (-disc.middle_px, disc.radius_px)).collect(),
+            blades: blades.collect(),
             optics,
             aberrations: Aberrations::new(camera),
             aperture: camera.main_lens.aperture.into(),
@@ -210,10 +209,9 @@ impl Instrument {
         if is_cut {
             for i in 0..n {
                 let (array, aperture) = (DVec2::new(x[i], y[i]), DVec2::new(u[i], v[i]));
-                let is_outside = |(middle, radius): &(DVec2, f64)| aperture.distance_squared(*middle) > radius * radius;
                 blocked[i] = self.thick_lens.is_some() && blocked[i]
                     || self.second_stop.is_some_and(|stop| !stop.passes(&self.optics, array, aperture))
-                    || self.blades.iter().any(is_outside);
+                    || !self.blades.iter().all(|blade| blade.holds(aperture));
             }
         }
         for i in 0..n {

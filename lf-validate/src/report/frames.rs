@@ -81,7 +81,7 @@ fn lattice(camera: &Camera, corner: [usize; 2], side: usize) -> String {
     let middle_mm = (middle_px - half_sensor) * camera.sensor.pixel_pitch_mm / (1.0 + camera.image_growth());
     let (i, j) = lattice.lenslet_at(middle_mm);
     let reach = LENSLETS as i64;
-    let radius = 0.5 * camera.demagnification() * camera.aperture_mm() / camera.sensor.pixel_pitch_mm;
+    let radius = 0.5 * camera.stop_image_px();
     let mut circles = String::new();
     for (di, dj) in (-reach..=reach).flat_map(|dj| (-reach..=reach).map(move |di| (di, dj))) {
         let centre = lattice.centre_mm(i + di, j + dj);
