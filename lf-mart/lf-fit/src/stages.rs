@@ -145,9 +145,12 @@ const TOGETHER: Schedule = Schedule {
 /// Name of the step that fits the shape, and of one that corrects the camera too.
 const SHAPE_STEP: &str = "size and drift";
 const CAMERA_STEP: &str = "camera";
-/// Rounds of expectation maximisation in a pass, and the light of the faintest particle that is kept, as a share of the
-/// light above which half of all light is.
+/// Rounds of expectation maximisation in a pass, and the light of the faintest maximum and of the faintest particle
+/// that is kept, as shares of the light above which half of all light is. Among 1795 found particles none began at a
+/// maximum below a tenth, and none of them had less than a fifth after the first fit; a third of the maxima are
+/// below a twentieth.
 const LIGHT_ROUNDS: usize = 15;
+const FAINTEST_MAXIMUM: f64 = 0.05;
 const FAINTEST: f64 = 0.1;
 /// The first fit of the shape ends with a step below this, px. Spare particles move the shape by more.
 const FIRST_SHAPE_PX: f64 = 0.002;
@@ -444,6 +447,7 @@ impl<'a, 'o> Stages<'a, 'o> {
             self.find_noise();
             if n == 0 {
                 is_open = self.try_blur(maxima, FEWER)?;
+                self.set_faint_aside(FAINTEST);
             }
             self.fit_shape_to(FIRST_SHAPE_PX)?;
             self.align();
@@ -495,16 +499,22 @@ impl<'a, 'o> Stages<'a, 'o> {
         self.particles.cameras.views.len() == 1
     }
 
-    /// Shares the light of the images out among the candidates, and drops the faint ones.
+    /// Shares the light of the images out among the maxima, and sets the faint ones aside.
     fn share_light(&mut self) {
-        let particles = &mut self.particles;
-        particles.render();
+        self.candidates.clear();
+        self.set_faint_aside(FAINTEST_MAXIMUM);
         for _ in 0..self.schedule.light_passes {
-            particles.share_light(LIGHT_ROUNDS, FAINTEST * particles.weighty_light());
+            self.particles.share_light(LIGHT_ROUNDS, FAINTEST * self.particles.weighty_light());
         }
-        let least = FAINTEST * particles.weighty_light();
-        let (kept, faint) = particles.list.iter().partition(|particle| particle.light > least);
-        self.candidates = faint;
+        self.set_faint_aside(FAINTEST);
+    }
+
+    /// Makes candidates of the particles with less than this share of the light above which half of all light is.
+    fn set_faint_aside(&mut self, share: f64) {
+        let particles = &mut self.particles;
+        let least = share * particles.weighty_light();
+        let (kept, faint): (_, Vec<_>) = particles.list.iter().partition(|particle| particle.light > least);
+        self.candidates.extend(faint);
         particles.set(kept);
         particles.render();
     }

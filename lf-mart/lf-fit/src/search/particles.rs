@@ -64,6 +64,8 @@ pub(crate) const AT_ONCE: usize = 16;
 const WAKES: f64 = 2.0;
 /// Particles may grow to this many times their first size.
 const GROWTH: f64 = 3.0;
+/// Step of the Z-order curve along which first particles are sorted, px.
+const CURVE_PX: f64 = 8.0;
 /// Smallest factor by which a round of sharing changes the light.
 const LEAST_FACTOR: f64 = 1e-6;
 
@@ -73,10 +75,18 @@ fn reach_px(view: &CameraView) -> Result<usize, Refusal> {
     Ok(view.depth_mm.into_iter().fold(0f64, |reach, z| reach.max(wide.reach_px(z))).ceil() as usize)
 }
 
+/// The number of a place along a Z-order curve over the sensor.
+fn along_z_curve(place_px: [f64; 2]) -> u32 {
+    let [x, y] = place_px.map(|px| (px.max(0.0) / CURVE_PX) as u32);
+    (0..16).fold(0, |key, bit| key | (x >> bit & 1) << (2 * bit) | (y >> bit & 1) << (2 * bit + 1))
+}
+
 impl<'a> Particles<'a> {
     /// Particles without light on the sensors yet: see [`Particles::render`].
-    pub(crate) fn new(cameras: Cameras<'a>, list: Vec<Particle>) -> Result<Self, Refusal> {
+    pub(crate) fn new(cameras: Cameras<'a>, mut list: Vec<Particle>) -> Result<Self, Refusal> {
         let reach_px = reach_px(cameras.first())?;
+        let model = &cameras.first().model;
+        list.sort_by_cached_key(|particle| along_z_curve(model.chief_px(particle.place_mm)));
         let beside_px = WAKES * cameras.first().camera.pitch_px();
         let (is_whole, is_awake) = (Vec::new(), Vec::new());
         let mut particles =
