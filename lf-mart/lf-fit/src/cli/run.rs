@@ -186,7 +186,8 @@ fn warn_of_model(found: &Fit, session: &mut Session) {
         let digits = if end_mm.abs() < 1.0 { 2 } else { 1 };
         session.warn(format!(
             "{count} particles lie at the end of the depths, {end_mm:.digits$} mm, where {usual:.0} are usual: particles beyond \
-             it are pressed into it; give lf-prune a larger --depth"
+             it are pressed into it; give lf-prune a larger --depth. Haze, which is smooth from lenslet to lenslet, looks the \
+             same: subtract it (lf-calib background --haze)"
         ));
     }
     if excess > 1.0 {

@@ -2,7 +2,9 @@
 //! fit of the particles within a lenslet, and kept if -2 log L falls by enough.
 
 use super::tile_fit::{Equations, Member, TileFit};
+use crate::cameras::view::Cameras;
 use crate::model::particle_image::{COUNTS, ParticleImage};
+use crate::model::window::Window;
 use crate::particle::Particle;
 use crate::solve::covariance::Prior;
 use crate::solve::joint::{Fitted, StopRule};
@@ -71,6 +73,26 @@ const SCAN_GAIN: f64 = 1.0;
 const SCAN_MISFIT: f64 = 0.5;
 /// A scan frees the neighbours within a lenslet and this number of pixels.
 const SCAN_MARGIN_PX: f64 = 2.0;
+
+/// The matched filter of the residual: fall of -2 log L by a particle alone, and its light over that of the image.
+fn filter(cameras: &Cameras, window: &Window, image: &ParticleImage) -> (f64, f64) {
+    let [along, square] = along_residual(cameras, window, image);
+    if along > 0.0 && square > 0.0 { (along * along / square, along / square) } else { (0.0, 0.0) }
+}
+
+/// Products of an image with the residual and with itself, over the variance of the pixels.
+fn along_residual(cameras: &Cameras, window: &Window, image: &ParticleImage) -> [f64; 2] {
+    let (mut along, mut square) = (0.0, 0.0);
+    image.pixels(window.columns, |n, pixel| {
+        let (seen, light) = (window.seen[n], window.light[n]);
+        if !seen.is_nan() {
+            let weight = f64::from(pixel[COUNTS] / window.noise(cameras, n).variance(light));
+            along += weight * f64::from(seen - light);
+            square += weight * f64::from(pixel[COUNTS]);
+        }
+    });
+    [along, square]
+}
 
 impl TileFit<'_, '_> {
     /// Drops own particles whose light the image does not support, until it supports all. Returns their number. With
@@ -180,7 +202,7 @@ impl TileFit<'_, '_> {
     /// The fall of -2 log L by a particle and its twin, if noise grows with their light. 0 without a twin.
     fn strength_of_twins(&self, n: usize) -> f64 {
         let Some(twin) = self.twin(n) else { return 0.0 };
-        let [_, square] = self.along_residual(&self.members[n].image);
+        let [_, square] = along_residual(self.cameras, self.window, &self.members[n].image);
         square * (1.0 + twin.light / self.members[n].particle.light)
     }
 
@@ -273,14 +295,18 @@ impl TileFit<'_, '_> {
     /// Adds candidates that the residual supports: with `all` any, otherwise only those near own particles. Returns
     /// their number.
     pub(crate) fn add_candidates(&mut self, candidates: &[Particle], all: bool, criteria: &Criteria) -> usize {
+        // The matched filter of the residual, for candidates of the usual light.
+        let is_asked = |particle: &&Particle| {
+            all || self.near(particle.place_mm, criteria.lenslet_px).iter().any(|n| self.members[*n].is_own)
+        };
+        let usual = |particle: &Particle| Particle { light: criteria.usual_light, ..*particle };
+        let tried: Vec<Particle> = candidates.iter().filter(is_asked).map(usual).collect();
+        let (cameras, window) = (self.cameras, &*self.window);
+        let scores = self.buffers.draw(&tried, |scratch, particle| {
+            filter(cameras, window, &ParticleImage::light(cameras, particle, window, scratch))
+        });
         let mut asked = Vec::new();
-        for particle in candidates {
-            if !all && !self.near(particle.place_mm, criteria.lenslet_px).iter().any(|n| self.members[*n].is_own) {
-                continue;
-            }
-            let particle = Particle { light: criteria.usual_light, ..*particle };
-            let image = ParticleImage::light(self.cameras, &particle, self.window, &mut self.buffers.scratch);
-            let (score, factor) = self.filter(&image);
+        for (particle, (score, factor)) in tried.into_iter().zip(scores) {
             if score > criteria.gain && factor > FAINT {
                 asked.push((score, Particle { light: factor.min(BRIGHTEST_NEW) * criteria.usual_light, ..particle }));
             }
@@ -304,26 +330,6 @@ impl TileFit<'_, '_> {
             }
         }
         count
-    }
-
-    /// The matched filter of the residual: fall of -2 log L by a particle alone, and its light over that of the image.
-    fn filter(&self, image: &ParticleImage) -> (f64, f64) {
-        let [along, square] = self.along_residual(image);
-        if along > 0.0 && square > 0.0 { (along * along / square, along / square) } else { (0.0, 0.0) }
-    }
-
-    /// Products of an image with the residual and with itself, over the variance of the pixels.
-    fn along_residual(&self, image: &ParticleImage) -> [f64; 2] {
-        let (mut along, mut square) = (0.0, 0.0);
-        image.pixels(self.window.columns, |n, pixel| {
-            let (seen, light) = (self.window.seen[n], self.window.light[n]);
-            if !seen.is_nan() {
-                let weight = f64::from(pixel[COUNTS] / self.window.noise(self.cameras, n).variance(light));
-                along += weight * f64::from(seen - light);
-                square += weight * f64::from(pixel[COUNTS]);
-            }
-        });
-        [along, square]
     }
 
     /// Near focus -2 log L has several minima. Scans own particles there sideways and in depth, with their light held.
