@@ -133,7 +133,8 @@ def machine():
 
 
 class Study:
-    """A table that is kept. A column is its head, a key of the runs or a function of all runs of a name, and the format;
+    """A table that is kept: rows of its page that no run of this process makes stay as they are, unless they are cleared
+    or the columns are others. A column is its head, a key of the runs or a function of all runs of a name, and the format;
     numbers of a key are averaged over the runs."""
 
     def __init__(self, name, columns, first="", page=None, mark=None, resumes=False):
@@ -143,17 +144,20 @@ class Study:
         for line in self.log.read_text().splitlines() if self.log.exists() else []:
             run = json.loads(line)
             self.runs.setdefault(run["name"], []).append(run)
+        head, *lines = page_table(self.page, self.mark) or [""]
+        self.kept = {line[2:].split(" | ")[0]: line for line in lines[1:]} if head == self.head().split("\n")[0] else {}
 
     def clear(self, begins=""):
-        """Forgets the runs whose names begin so."""
-        self.runs = {name: runs for name, runs in self.runs.items() if not name.startswith(begins)}
+        """Forgets the rows whose names begin so."""
+        others = lambda rows: {name: row for name, row in rows.items() if not name.startswith(begins)}
+        self.runs, self.kept = others(self.runs), others(self.kept)
 
     def add(self, name, **values):
         """Keeps the values of a run after the others of its name that this process made (with
         `resumes`, after all), and prints the row so far."""
         if name not in self.new and not self.resumes:
             self.runs[name] = []
-            self.new.add(name)
+        self.new.add(name)
         self.runs.setdefault(name, []).append({"name": name, **values})
         self.log.write_text("".join(json.dumps(run) + "\n" for runs in self.runs.values() for run in runs))
         print(self.row(name), flush=True)
@@ -173,14 +177,28 @@ class Study:
         heads = [self.first, *(column[0] for column in self.columns)]
         return "| " + " | ".join(heads) + " |\n| --- |" + " ---: |" * len(self.columns)
 
-    def write(self, names=None):
-        """Writes the table into its page."""
-        measured(self.page, "\n".join([self.head(), *map(self.row, names or self.runs)]), self.mark)
+    def write(self, order=None):
+        """Writes the table into its page, the names by their `order`."""
+        names = sorted({**self.kept, **self.runs}, key=order or (lambda name: 0))
+        is_kept = lambda name: name in self.kept and name not in self.new
+        rows = [self.kept[name] if is_kept(name) else self.row(name) for name in names]
+        measured(self.page, "\n".join([self.head(), *rows]), self.mark)
+
+
+def page_path(page):
+    return ROOT / "scripts" / "measured" / f"{page}.md"
+
+
+def page_table(page, mark):
+    """The lines of a table in its page, the head first; none if it is not there."""
+    text = page_path(page).read_text() if page_path(page).exists() else ""
+    _, found, rest = text.partition(f"<!-- {mark} -->\n")
+    return rest.split(f"\n<!-- end of {mark} -->")[0].split("\n") if found else []
 
 
 def measured(page, text, mark=None):
     """Puts a table between its marks in scripts/measured/PAGE.md, with the date and the machine."""
-    path = ROOT / "scripts" / "measured" / f"{page}.md"
+    path = page_path(page)
     first, last = f"<!-- {mark or page} -->", f"<!-- end of {mark or page} -->"
     when = f"Measured {datetime.date.today()}, {machine()}"
     command = shlex.join([os.path.relpath(SCRIPT, ROOT), *sys.argv[1:]])
