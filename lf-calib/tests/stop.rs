@@ -1,6 +1,6 @@
 //! The stop that lenslet images show: widths, f-numbers, and when they are written.
 
-use crate::scenes::{camera, discs, noisy, squares};
+use crate::scenes::{camera, discs, noisy, shaded_discs, squares};
 use crate::workbench::workbench;
 use lf_calib::{Calibrated, Keep, calibrate, find_lattice};
 use lf_core::camera::{Aperture, Layout};
@@ -134,6 +134,26 @@ fn a_stop_that_agrees_leaves_the_camera_as_it_is_without_a_word() {
     assert_eq!(camera["main_lens"]["working_f_number"], 4.0);
     assert_eq!(done.stderr, "");
     assert!(bench.done("lattice white.exr -c nominal.json -v").stderr.contains("agrees with that and is kept"));
+}
+
+/// Shading looks like another f-number to lf-fit. It is named, unless a flat field takes it.
+#[test]
+fn shading_of_the_lenslet_images_is_measured() {
+    let bench = workbench();
+    for layout in [Layout::Square, Layout::Hexagonal] {
+        let truth = matched(Aperture::Circle, layout, 0.003, 14.0, 280);
+        bench.write("nominal.json", truth.to_json());
+        for falls in [0.04, 0.1] {
+            let mut image = shaded_discs(&truth, falls);
+            noisy(&mut image, 0.05);
+            bench.image("white.exr", &image);
+            let said = bench.done("lattice white.exr -c nominal.json -o camera.json").stderr;
+            let named = format!("lenslet images are {:.0} % darker at their rims", 100.0 * falls);
+            assert!(said.contains(&named), "{layout:?} {falls}: {said}");
+            let line = "lattice white.exr -c nominal.json --vignetting flat.exr -o camera.json";
+            assert!(!bench.done(line).stderr.contains("darker"), "{layout:?} {falls}");
+        }
+    }
 }
 
 #[test]

@@ -3,6 +3,8 @@
 use lf_calib::{Calibrated, Fill, Iris, PitchChange, Pupil};
 use lf_core::{Camera, Session};
 
+/// Shading of lenslet images that moves the f-number which lf-fit finds by a thousandth. Even stops show 0.003 at most.
+const SHADED: f64 = 0.02;
 /// Warn from this relative difference on: of the measured f-number, and of the fill of the pitch.
 const NOTABLE_STOP: f64 = 0.03;
 const NOTABLE_FILL: f64 = 0.05;
@@ -120,4 +122,17 @@ fn place(pupil: Pupil) -> String {
     }
     let side = if vergence < 0.0 { "behind" } else { "from" };
     format!("{:.1} +- {:.1} mm {side} the array", pupil.distance_mm.abs(), pupil.uncertainty_mm)
+}
+
+/// Explains how much darker the rims of lenslet images are, and warns where no flat field says so.
+pub fn report_shading(falls: f64, is_flat: bool, session: &Session) {
+    let percent = 100.0 * falls;
+    if falls > SHADED && !is_flat {
+        session.warn(format!(
+            "lenslet images are {percent:.0} % darker at their rims than in their middles: lf-fit would take that for a \
+             larger f-number; write a flat field with --vignetting FILE"
+        ));
+    } else {
+        session.explain(format!("lenslet images are {percent:.1} % darker at their rims than in their middles"));
+    }
 }

@@ -1,7 +1,8 @@
 //! `lf-calib lattice`: white images and a nominal camera in, a camera with its microlenses out.
 
 use super::{arguments::LatticeArguments, files::path_from_camera, files::with_history};
-use super::{blur::report_blur, blur::set_blur, fill::report_fill, fill::report_iris, fill::report_pitch};
+use super::{blur::report_blur, blur::set_blur};
+use super::{fill::report_fill, fill::report_iris, fill::report_pitch, fill::report_shading};
 use lf_calib::{
     Calibrated, ImageLattice, Keep, LATTICE_STEPS, MeanImage, calibrate, check_saturation, find_lattice, flat_field,
     plot, rims,
@@ -66,6 +67,7 @@ pub fn lattice(arguments: &LatticeArguments, session: &mut Session) -> Result<Ve
         None => report_fill(calibrated.fill.as_ref(), &calibrated.camera, keep.f_number, session),
     }
     report_blur(rims.blur, &nominal, session);
+    report_shading(rims.falls, calibrated.camera.vignetting.is_some(), session);
     Ok(Verdict::Done)
 }
 

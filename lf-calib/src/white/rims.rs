@@ -11,12 +11,14 @@ use ndarray::Array2;
 use std::f64::consts::PI;
 
 /// The rims of lenslet images.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Rims {
     /// None if the rims do not show it.
     pub blur: Option<RimBlur>,
     /// None for a round or a square stop.
     pub iris: Option<Iris>,
+    /// How much darker a lenslet image is at its rim than in its middle, as a share. 0 if the rims show no edge.
+    pub falls: f64,
 }
 
 /// An iris whose blades leave a polygon.
@@ -69,7 +71,7 @@ const RIDGE: f64 = 0.01;
 
 /// The rims of a white image. The camera is known, with the stop of the image.
 pub fn rims(white: &Array2<f32>, camera: &Camera, lattice: &ImageLattice) -> Rims {
-    let Some(mut cell) = WhiteCell::new(white, camera, lattice) else { return Rims { blur: None, iris: None } };
+    let Some(mut cell) = WhiteCell::new(white, camera, lattice) else { return Rims::default() };
     let half_px = 0.5 * camera.stop_image_px();
     let blur = camera.blur.unwrap_or_default();
     let start = Edge { half_px, variance_px2: START_PX2, blades: None, aside_px: DVec2::ZERO };
@@ -77,7 +79,7 @@ pub fn rims(white: &Array2<f32>, camera: &Camera, lattice: &ImageLattice) -> Rim
     // Two discs that cut each other look like a polygon, too.
     let may_be_iris = camera.main_lens.aperture == Aperture::Circle && lattice.second_stop.is_none();
     let iris = round.as_ref().filter(|_| may_be_iris).and_then(|round| round.iris(&cell));
-    let Some(mut edge) = iris.or(round) else { return Rims { blur: None, iris: None } };
+    let Some(mut edge) = iris.or(round) else { return Rims::default() };
     let mut wavelength_nm = blur.wavelength_nm;
     if wavelength_nm.is_none() && edge.blur().is_some() {
         let green = Blur { wavelength_nm: Some(GREEN_NM), ..blur };
@@ -91,6 +93,7 @@ pub fn rims(white: &Array2<f32>, camera: &Camera, lattice: &ImageLattice) -> Rim
     Rims {
         blur: edge.blur().map(|[sigma_px, uncertainty_px]| RimBlur { sigma_px, uncertainty_px, wavelength_nm }),
         iris: blades.map(|blades| Iris { blades, half_px, aside_px }),
+        falls: edge.blur().map_or(0.0, |_| 1.0 - edge.light[1] / edge.light[0]),
     }
 }
 
@@ -101,7 +104,8 @@ struct SoftEdge {
     /// and place.
     residuals: DVector<f64>,
     slopes: DMatrix<f64>,
-    light: f64,
+    /// In the middle and at the rim.
+    light: [f64; 2],
 }
 
 impl SoftEdge {
@@ -177,7 +181,7 @@ impl SoftEdge {
         let count = self.residuals.len();
         let inverse = self.slopes.tr_mul(&self.slopes).try_inverse()?;
         let scatter = self.squares() / count.saturating_sub(5).max(1) as f64;
-        let misfit = self.residuals.norm() / (self.light * (count as f64).sqrt());
+        let misfit = self.residuals.norm() / (0.5 * (self.light[0] + self.light[1]) * (count as f64).sqrt());
         let uncertainty_px2 = (inverse[(1, 1)] * scatter).sqrt().hypot(MODEL_PX2).hypot(UNFOLLOWED_PX2 * misfit);
         // The root of v + u is u / (2 sigma) above sigma, and the root of u where v is 0.
         let uncertainty_px = |px2: f64| (px2 + uncertainty_px2).sqrt() - px2.sqrt();

@@ -150,8 +150,9 @@ impl WhiteCell {
         self.terms = terms(camera, self.basis_px, self.count, self.bins);
     }
 
-    /// Residuals of the best light and ground for an edge, and that light. None without light.
-    pub(super) fn residuals(&self, edge: &Edge) -> Option<(DVector<f64>, f64)> {
+    /// Residuals of the best light and ground for an edge, and that light in the middle and at the rim. None without
+    /// light.
+    pub(super) fn residuals(&self, edge: &Edge) -> Option<(DVector<f64>, [f64; 2])> {
         let stop = StopSeries::new(self.aperture, edge.half_px, edge.blades);
         let blurred = |term: &Term| {
             let soft = (-2.0 * PI * PI * edge.variance_px2 * term.frequency.length_squared()).exp();
@@ -167,8 +168,8 @@ impl WhiteCell {
         let normal = lines.tr_mul(&lines);
         let ridge = DMatrix::identity(3, 3) * (1e-10 * normal.trace());
         let solution = (normal + ridge).cholesky()?.solve(&lines.tr_mul(&levels));
-        let light = solution[0] + 0.5 * solution[1];
-        (light > 0.0).then(|| (levels - lines * solution, light))
+        let light = [solution[0] + solution[1], solution[0]];
+        (light[0] + light[1] > 0.0).then(|| (levels - lines * solution, light))
     }
 
     /// The series with these coefficients, complex numbers, at the mean place of every bin.

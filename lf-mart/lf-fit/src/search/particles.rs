@@ -296,3 +296,14 @@ impl<'a> Particles<'a> {
         );
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_curve_goes_through_quadrants_by_hand() {
+        let places = [[0.0, 0.0], [9.0, 0.0], [0.0, 9.0], [9.0, 15.9], [16.0, 0.0], [0.0, 16.0], [-3.0, 1.0]];
+        assert_eq!(places.map(along_z_curve), [0, 1, 2, 3, 4, 8, 0]);
+    }
+}
