@@ -69,7 +69,7 @@ pub fn discs(camera: &Camera, fill: f64) -> Array2<f32> {
     spots(camera, radius, |corner, _| covered(corner, &[(DVec2::ZERO, radius)]))
 }
 
-/// Discs of the stop's size whose light falls with the square of the distance from the middle, by this share at the rim.
+/// Discs whose light falls with the square of the distance from the middle, by this share at the rim.
 pub fn shaded_discs(camera: &Camera, falls: f64) -> Array2<f32> {
     let radius = 0.5 * stop_px(camera);
     let light = |corner: DVec2| 1.0 - falls * (corner + 0.5).length_squared() / (radius * radius);
