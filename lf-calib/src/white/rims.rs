@@ -90,10 +90,11 @@ pub fn rims(white: &Array2<f32>, camera: &Camera, lattice: &ImageLattice) -> Rim
         }
     }
     let Edge { half_px, blades, aside_px, .. } = edge.edge;
+    let seen = edge.blur();
     Rims {
-        blur: edge.blur().map(|[sigma_px, uncertainty_px]| RimBlur { sigma_px, uncertainty_px, wavelength_nm }),
+        blur: seen.map(|[sigma_px, uncertainty_px]| RimBlur { sigma_px, uncertainty_px, wavelength_nm }),
         iris: blades.map(|blades| Iris { blades, half_px, aside_px }),
-        falls: edge.blur().map_or(0.0, |_| 1.0 - edge.light[1] / edge.light[0]),
+        falls: seen.map_or(0.0, |_| 1.0 - edge.light[1] / edge.light[0]),
     }
 }
 
