@@ -65,13 +65,13 @@ pub fn image_px(camera: &Camera) -> Vec<DVec2> {
 /// Discs of `fill` times the stop's image on black. A pixel counts 1000 times its area that is covered, summed over
 /// discs, from 64 chords.
 pub fn discs(camera: &Camera, fill: f64) -> Array2<f32> {
-    let radius = 0.5 * fill * stop_px(camera);
+    let radius = 0.5 * fill * camera.stop_image_px();
     spots(camera, radius, |corner, _| covered(corner, &[(DVec2::ZERO, radius)]))
 }
 
 /// Discs whose light falls with the square of the distance from the middle, by this share at the rim.
 pub fn shaded_discs(camera: &Camera, falls: f64) -> Array2<f32> {
-    let radius = 0.5 * stop_px(camera);
+    let radius = 0.5 * camera.stop_image_px();
     let light = |corner: DVec2| 1.0 - falls * (corner + 0.5).length_squared() / (radius * radius);
     spots(camera, radius, |corner, _| light(corner) * covered(corner, &[(DVec2::ZERO, radius)]))
 }
@@ -79,20 +79,15 @@ pub fn shaded_discs(camera: &Camera, falls: f64) -> Array2<f32> {
 /// The discs of [`discs`], cut by second discs of `second` times their size. A second disc is displaced by `drift`
 /// times the distance of its lenslet image from the middle of the frame.
 pub fn cut_discs(camera: &Camera, fill: f64, second: f64, drift: f64) -> Array2<f32> {
-    let radius = 0.5 * fill * stop_px(camera);
+    let radius = 0.5 * fill * camera.stop_image_px();
     spots(camera, radius, |corner, place| covered(corner, &[(DVec2::ZERO, radius), (drift * place, second * radius)]))
 }
 
 /// Like [`discs`], but with a square stop, sides along x and y. The covered area is exact.
 pub fn squares(camera: &Camera, fill: f64) -> Array2<f32> {
-    let half = 0.5 * fill * stop_px(camera);
+    let half = 0.5 * fill * camera.stop_image_px();
     let side = |corner: f64| ((corner + 1.0).min(half) - corner.max(-half)).max(0.0);
     spots(camera, half, |corner, _| side(corner.x) * side(corner.y))
-}
-
-/// Diameter or side of the stop's image under a lenslet, px.
-fn stop_px(camera: &Camera) -> f64 {
-    camera.stop_image_px()
 }
 
 /// Adds 1000 times `share` to every pixel within `reach_px` of each lenslet image. `share` gets the corner of the pixel
