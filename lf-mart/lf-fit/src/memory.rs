@@ -18,6 +18,8 @@ use lf_core::{Grid, Refusal};
 const FRAME_PIXEL: usize = 4;
 /// Bytes of a pixel from which noise is found.
 const NOISE_PIXEL: usize = 9;
+/// Bytes of a pixel of what a fit leaves of a frame.
+const LEFT_PIXEL: usize = 12;
 /// Bytes of a particle of the frame.
 const PARTICLE: usize = 300;
 /// Bytes of a pixel of a window: seen and expected counts.
@@ -42,8 +44,13 @@ const DEPTHS: usize = 64;
 const FULL_TILE: usize = 2;
 
 /// Largest number of bytes that a fit takes beside images and volumes: each camera alone, then all together. Refuses
-/// what [`super::fit`] refuses of a camera or its volume. A refusal comes with the number of its camera.
-pub fn estimated_bytes(inputs: &[CameraInput], options: &FitOptions) -> Result<u64, (usize, Refusal)> {
+/// what [`super::fit`] refuses of a camera or its volume. A refusal comes with the number of its camera. Sweeps in what
+/// a fit leaves of an image take up to `sweep_bytes`.
+pub fn estimated_bytes(
+    inputs: &[CameraInput],
+    options: &FitOptions,
+    sweep_bytes: u64,
+) -> Result<u64, (usize, Refusal)> {
     let (mut most, mut tables) = (0, 0);
     let (mut views, mut image, mut count) = (Vec::<CameraView>::new(), ImageSize::default(), 0);
     for (n, input) in inputs.iter().enumerate() {
@@ -59,7 +66,8 @@ pub fn estimated_bytes(inputs: &[CameraInput], options: &FitOptions) -> Result<u
         tables += large.table_bytes();
         let in_tile = particles.plan().members.iter().map(Vec::len).max().unwrap_or(0);
         let sample = sample_bytes(&particles, &large, alone, options.free.camera);
-        let work = work_bytes(&particles, alone, in_tile).max(sample);
+        let sweeps = sweep_bytes as usize + LEFT_PIXEL * first.image.len();
+        let work = work_bytes(&particles, alone, in_tile).max(sample).max(sweeps);
         most = most.max(held_bytes(&particles, particles.list.len()) + work);
 
         // All together, a particle has an image on each sensor.

@@ -35,7 +35,7 @@ pub struct FitOptions {
     pub free: Free,
     /// Known parts of the noise.
     pub noise: KnownNoise,
-    /// Largest number of rounds of drop, split and add.
+    /// Largest number of rounds of drop and split.
     pub rounds: usize,
     /// Whether evidence of the frame on its camera is asked for.
     pub evidence: bool,
@@ -162,8 +162,6 @@ const LAST_STEPS: usize = 8;
 const SWEEP_GAIN: f64 = 0.03;
 /// Smallest fall of -2 log L for another particle: five standard deviations.
 const GAIN: f64 = 25.0;
-/// Number of rounds that try again the candidates that were not kept.
-const ADD_ROUNDS: usize = 2;
 /// A correction of the camera moves rays by more than this share of their bend, because images of bent rays err too.
 /// Behind 180 mm of water the errors look like an aberration of 0.7 px, in one frame and not in the next.
 const OF_BEND: f64 = 0.2;
@@ -175,6 +173,9 @@ const LEAST_FALL: f64 = 0.99;
 /// The fit begins anew without the given particles if they lack this share of their number. Particles of the frame
 /// before lack a tenth if a field has moved them, and 0.75 to 1.2 of their number if they are 11 px off.
 const MOST_MISSING: f64 = 0.5;
+/// Particles whose light is uncertain by more than this share of it are left out of the result. One beyond the frame's
+/// rim, of which 0.02 % was seen, had 250 times the usual light.
+const UNSURE: f64 = 0.5;
 /// Rounds end when they change less than this share of the particles.
 const QUIET: f64 = 0.005;
 
@@ -216,15 +217,20 @@ fn fit_alone<'a>(
 ) -> Result<Fit<'a>, Refusal> {
     let mut stages = Stages::new(start_alone(input, &input.first, options)?, camera, options, &ALONE, on_step);
     if !input.is_given {
+        stages.input = Some(input);
         return stages.run();
     }
     stages.begin()?;
+    stages.fit("fit", FIRST_STEPS);
+    // This comes before any particle is split, because the light of a missing one spoils the fits beside it.
     let missing = stages.add_what_is_left(input)?;
     if (missing as f64) < MOST_MISSING * input.first.len() as f64 {
         return stages.finish();
     }
     let first = input.particles_in(input.image.pixels.view())?;
-    let mut fit = Stages::new(start_alone(input, &first, options)?, camera, options, &ALONE, on_step).run()?;
+    let mut stages = Stages::new(start_alone(input, &first, options)?, camera, options, &ALONE, on_step);
+    stages.input = Some(input);
+    let mut fit = stages.run()?;
     fit.doubts[0].missing = Some(missing);
     Ok(fit)
 }
@@ -307,8 +313,8 @@ struct Stages<'a, 'o> {
     schedule: &'static Schedule,
     on_step: &'o mut dyn FnMut(&Progress),
     prior: Prior,
-    /// Candidates that were not kept.
-    candidates: Vec<Particle>,
+    /// The input in whose image the first round looks for missing particles.
+    input: Option<&'a CameraInput>,
     /// Whether the shape has moved since all particles were fitted.
     is_stale: bool,
     /// Whether the last fit of the shape came to its end.
@@ -342,7 +348,7 @@ impl<'a, 'o> Stages<'a, 'o> {
             schedule,
             on_step,
             prior,
-            candidates: Vec::new(),
+            input: None,
             is_stale: false,
             is_settled: true,
             doubts: Doubts::default(),
@@ -388,15 +394,17 @@ impl<'a, 'o> Stages<'a, 'o> {
         self.end()
     }
 
-    /// Adds the particles that the given ones lack, and returns their number. This comes before any particle is split,
-    /// because the light of a missing one spoils the fits beside it.
+    /// Adds the particles that sweeps find in what the others leave of the image, and returns their number.
     fn add_what_is_left(&mut self, input: &CameraInput) -> Result<usize, Refusal> {
-        self.fit("fit", FIRST_STEPS);
         let view = self.particles.cameras.first();
-        self.candidates.extend(input.particles_in((view.image - &view.expected()).view())?);
-        let (criteria, candidates) = (self.criteria(), self.candidates_by_tile(true));
+        let tiling = self.particles.tiling();
+        let mut candidates = vec![Vec::new(); tiling.tiles().len()];
+        for particle in input.particles_in((view.image - &view.expected()).view())? {
+            candidates[tiling.tile_of(&self.particles.cameras, &particle)].push(particle);
+        }
+        let criteria = self.criteria();
         let changes = self.change(|tile| {
-            let added = tile.add_candidates(&candidates[tile.place], true, &criteria);
+            let added = tile.add_candidates(&candidates[tile.place], &criteria);
             Changes { added, ..Changes::default() }
         });
         self.report("what is left", changes);
@@ -409,7 +417,7 @@ impl<'a, 'o> Stages<'a, 'o> {
         self.is_stopped = false;
         let (mut misfit, mut alike) = (f64::INFINITY, f64::INFINITY);
         for round in first..self.options.rounds {
-            let changes = self.round(round);
+            let changes = self.round();
             self.find_noise();
             self.align();
             self.report(name, changes);
@@ -420,12 +428,17 @@ impl<'a, 'o> Stages<'a, 'o> {
             if round == 0 && !self.is_settled {
                 self.fit_shape()?;
             }
-            let count = changes.dropped + changes.split + changes.added;
-            if round + 1 >= least_rounds && (count as f64) < QUIET * self.particles.list.len() as f64 {
-                break;
+            let residual = self.particles.cameras.residual();
+            if round + 1 >= least_rounds {
+                let count = changes.dropped + changes.split;
+                match self.input.take().filter(|_| residual.has_light()) {
+                    // Beside bright particles, faint ones were no maxima.
+                    Some(input) => _ = self.add_what_is_left(input)?,
+                    None if (count as f64) < QUIET * self.particles.list.len() as f64 => break,
+                    None => {}
+                }
             }
             // More particles do not mend a wrong model.
-            let residual = self.particles.cameras.residual();
             let before = std::mem::replace(&mut misfit, self.particles.cameras.misfit());
             let alike_before = std::mem::replace(&mut alike, residual.beside);
             let is_stuck = misfit > EXPLAINED && misfit > LEAST_FALL * before;
@@ -447,7 +460,7 @@ impl<'a, 'o> Stages<'a, 'o> {
             self.find_noise();
             if n == 0 {
                 is_open = self.try_blur(maxima, FEWER)?;
-                self.set_faint_aside(FAINTEST);
+                self.drop_faint(FAINTEST);
             }
             self.fit_shape_to(FIRST_SHAPE_PX)?;
             self.align();
@@ -478,7 +491,6 @@ impl<'a, 'o> Stages<'a, 'o> {
         let shape = Shape { sigma_px: self.options.shape.sigma_px, ..shape.blurred() };
         let blurred = self.anew(shape, maxima)?;
         let sharp = std::mem::replace(&mut self.particles, blurred);
-        let faint = std::mem::take(&mut self.candidates);
         self.share_light();
         let gain = self.sweep(FIRST_STEPS);
         let is_better = cost(&self.particles) < cost(&sharp);
@@ -489,7 +501,7 @@ impl<'a, 'o> Stages<'a, 'o> {
             self.doubts.misfit_sharp = Some(misfit);
             self.find_noise();
         } else {
-            (self.particles, self.candidates) = (sharp, faint);
+            self.particles = sharp;
         }
         Ok(is_better && !is_taken)
     }
@@ -501,21 +513,18 @@ impl<'a, 'o> Stages<'a, 'o> {
 
     /// Shares the light of the images out among the maxima, and sets the faint ones aside.
     fn share_light(&mut self) {
-        self.candidates.clear();
-        self.set_faint_aside(FAINTEST_MAXIMUM);
+        self.drop_faint(FAINTEST_MAXIMUM);
         for _ in 0..self.schedule.light_passes {
             self.particles.share_light(LIGHT_ROUNDS, FAINTEST * self.particles.weighty_light());
         }
-        self.set_faint_aside(FAINTEST);
+        self.drop_faint(FAINTEST);
     }
 
-    /// Makes candidates of the particles with less than this share of the light above which half of all light is.
-    fn set_faint_aside(&mut self, share: f64) {
+    /// Drops the particles with less than this share of the light above which half of all light is.
+    fn drop_faint(&mut self, share: f64) {
         let particles = &mut self.particles;
         let least = share * particles.weighty_light();
-        let (kept, faint): (_, Vec<_>) = particles.list.iter().partition(|particle| particle.light > least);
-        self.candidates.extend(faint);
-        particles.set(kept);
+        particles.set(particles.list.iter().filter(|particle| particle.light > least).copied().collect());
         particles.render();
     }
 
@@ -680,29 +689,17 @@ impl<'a, 'o> Stages<'a, 'o> {
         sum
     }
 
-    /// Drop, split, add.
-    fn round(&mut self, round: usize) -> Changes {
+    /// Drop and split.
+    fn round(&mut self) -> Changes {
         let criteria = self.criteria();
-        let candidates = self.candidates_by_tile(round < ADD_ROUNDS);
         // A round fits the particles that are awake first.
         self.is_stale &= self.particles.is_awake.contains(&false);
         self.change(|tile| {
             let gain = tile.fit(StopRule { steps: ROUND_STEPS, gain: SWEEP_GAIN });
             let dropped = tile.drop_weak(&criteria, false);
             let split = tile.split(&criteria);
-            let added = tile.add_candidates(&candidates[tile.place], round == 0, &criteria);
-            Changes { dropped, split, added, gain }
+            Changes { dropped, split, added: 0, gain }
         })
-    }
-
-    /// Candidates that were not kept, by tile. Empty unless they are `asked`.
-    fn candidates_by_tile(&self, asked: bool) -> Vec<Vec<Particle>> {
-        let tiling = self.particles.tiling();
-        let mut by_tile = vec![Vec::new(); tiling.tiles().len()];
-        for particle in self.candidates.iter().filter(|_| asked) {
-            by_tile[tiling.tile_of(&self.particles.cameras, particle)].push(*particle);
-        }
-        by_tile
     }
 
     /// One camera: scans near focus and drops what that makes spare. Several: drops pairs, and fits all again.
@@ -737,7 +734,10 @@ impl<'a, 'o> Stages<'a, 'o> {
         let (misfit, residual) = (self.particles.cameras.misfit(), self.particles.cameras.residual());
         let excess = residual.excess() * if misfit > EXPLAINED { misfit } else { 1.0 };
         let evidence = self.evidence(excess)?;
-        let (mut particles, pulls) = self.particles.uncertainties(self.prior);
+        let (particles, pulls) = self.particles.uncertainties(self.prior);
+        let is_sure = |found: &FoundParticle| found.light_std < UNSURE * found.particle.light;
+        let seen = particles.into_iter().zip(pulls).filter(|(found, _)| is_sure(found));
+        let (mut particles, pulls): (Vec<_>, Vec<_>) = seen.unzip();
         let widened = parts::widen(&mut particles, &pulls, excess);
         let untold = if self.is_alone() { untold::widen(&mut particles, self.particles.cameras.first()) } else { 0 };
         Ok(Fit {

@@ -18,11 +18,19 @@ pub struct Residual {
 /// The largest correlation of neighbours that counts as noise. A right model of real optics leaves up to 0.11, an
 /// f-number 1 % off 0.2, and 2 % off 0.41.
 pub const RANDOM: f64 = 0.15;
+/// Beyond this the light of particles is missing, or their images are not quite right. Twelve frames of bright
+/// particles left up to 0.023.
+const LEFT: f64 = 0.01;
 
 impl Residual {
     /// Whether the differences are more alike than noise.
     pub fn is_model_error(&self) -> bool {
         self.beside > RANDOM
+    }
+
+    /// Whether it may hold the light of missing particles.
+    pub(crate) fn has_light(&self) -> bool {
+        self.beside > LEFT
     }
 
     /// Variance of a mean over several pixels, over that of independent ones; 1 for noise.

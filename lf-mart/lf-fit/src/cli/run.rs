@@ -27,9 +27,8 @@ fn run(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
     inputs::check(&files, arguments, &outputs(arguments), session)?;
     let (inputs, first_bytes) = inputs::start(files, arguments, session)?;
     let volume_name = |n: usize| io::name(&arguments.volume[n]);
-    let bytes = fit::estimated_bytes(&inputs, &options).map_err(|(n, refusal)| refusal.about(volume_name(n)))?;
-    // Particles that are given leave the rest to sweeps in the middle of the fit.
-    let bytes = if arguments.start.is_some() { bytes + first_bytes } else { bytes.max(first_bytes) };
+    let bytes =
+        fit::estimated_bytes(&inputs, &options, first_bytes).map_err(|(n, refusal)| refusal.about(volume_name(n)))?;
     let voxels: usize = inputs.iter().map(|input| input.volume.count()).sum();
     if arguments.estimate {
         session.print_estimate(bytes, &[("voxels", voxels as u64)], &[])?;

@@ -94,6 +94,13 @@ fn along_residual(cameras: &Cameras, window: &Window, image: &ParticleImage) -> 
     [along, square]
 }
 
+impl Criteria {
+    /// Smallest fall of -2 log L for a particle with this light over the usual.
+    fn gain_of(&self, light: f64) -> f64 {
+        self.gain * if light < FAINT { SPARE } else { 1.0 }
+    }
+}
+
 impl TileFit<'_, '_> {
     /// Drops own particles whose light the image does not support, until it supports all. Returns their number. With
     /// `pairs`, one of two within a lenslet near focus is tried too, even if both are strong.
@@ -144,8 +151,7 @@ impl TileFit<'_, '_> {
             self.inherit(&particle, &mut rest, criteria);
             order.push(n);
             let (fitted, gain) = self.attempt(&order, &rest, DROP_TRIAL);
-            let is_faint = particle.light < FAINT * criteria.usual_light;
-            let least = criteria.gain * if is_faint { SPARE } else { 1.0 };
+            let least = criteria.gain_of(particle.light / criteria.usual_light);
             if -gain < least.max(ALIKE * ALIKE * self.strength_of_twins(n)) {
                 self.keep(&order, fitted, particle.place_mm);
                 hit.push(particle.place_mm);
@@ -266,24 +272,27 @@ impl TileFit<'_, '_> {
     fn split_one(&mut self, n: usize, criteria: &Criteria) -> bool {
         let particle = self.members[n].particle;
         let px = self.cameras.pixel_mm();
-        let near = self.near(particle.place_mm, criteria.lenslet_px);
-        let others: Vec<usize> = near.iter().copied().filter(|other| *other != n).collect();
-        let order: Vec<usize> = std::iter::once(n).chain(others.iter().copied()).collect();
+        // Compare the ways with the neighbours held.
         let mut best: Option<(f64, Vec<Particle>)> = None;
         for half in HALVES {
             let moved = |sign: f64| {
                 let place_mm = std::array::from_fn(|k| particle.place_mm[k] + sign * px * half[k]);
                 Particle { place_mm, light: 0.5 * particle.light, ..particle }
             };
-            let mut particles = vec![moved(1.0)];
-            particles.extend(self.particles(&others));
-            particles.push(moved(-1.0));
-            let (fitted, gain) = self.attempt(&order, &particles, BRIEF);
+            let (fitted, gain) = self.attempt(&[n], &[moved(1.0), moved(-1.0)], BRIEF);
             if best.as_ref().is_none_or(|(most, _)| gain > *most) {
                 best = Some((gain, fitted.particles));
             }
         }
-        let Some((_, particles)) = best else { return false };
+        let Some((_, halves)) = best else { return false };
+
+        // Fit the best one with them.
+        let mut order = self.near(particle.place_mm, criteria.lenslet_px);
+        order.retain(|other| *other != n);
+        order.insert(0, n);
+        let mut particles = self.particles(&order);
+        particles[0] = halves[0];
+        particles.push(halves[1]);
         let (fitted, gain) = self.attempt(&order, &particles, TRIAL);
         let is_kept = gain > criteria.gain;
         if is_kept {
@@ -292,22 +301,18 @@ impl TileFit<'_, '_> {
         is_kept
     }
 
-    /// Adds candidates that the residual supports: with `all` any, otherwise only those near own particles. Returns
-    /// their number.
-    pub(crate) fn add_candidates(&mut self, candidates: &[Particle], all: bool, criteria: &Criteria) -> usize {
+    /// Adds candidates that the residual supports. Returns their number.
+    pub(crate) fn add_candidates(&mut self, candidates: &[Particle], criteria: &Criteria) -> usize {
         // The matched filter of the residual, for candidates of the usual light.
-        let is_asked = |particle: &&Particle| {
-            all || self.near(particle.place_mm, criteria.lenslet_px).iter().any(|n| self.members[*n].is_own)
-        };
         let usual = |particle: &Particle| Particle { light: criteria.usual_light, ..*particle };
-        let tried: Vec<Particle> = candidates.iter().filter(is_asked).map(usual).collect();
+        let tried: Vec<Particle> = candidates.iter().map(usual).collect();
         let (cameras, window) = (self.cameras, &*self.window);
         let scores = self.buffers.draw(&tried, |scratch, particle| {
             filter(cameras, window, &ParticleImage::light(cameras, particle, window, scratch))
         });
         let mut asked = Vec::new();
         for (particle, (score, factor)) in tried.into_iter().zip(scores) {
-            if score > criteria.gain && factor > FAINT {
+            if score > criteria.gain_of(factor) {
                 asked.push((score, Particle { light: factor.min(BRIGHTEST_NEW) * criteria.usual_light, ..particle }));
             }
         }
@@ -324,7 +329,8 @@ impl TileFit<'_, '_> {
             let mut particles = self.particles(&near);
             particles.push(particle);
             let (fitted, gain) = self.attempt(&near, &particles, TRIAL);
-            if gain > criteria.gain {
+            let least = fitted.particles.last().map(|new| criteria.gain_of(new.light / criteria.usual_light));
+            if least.is_some_and(|least| gain > least) {
                 self.keep(&near, fitted, particle.place_mm);
                 count += 1;
             }

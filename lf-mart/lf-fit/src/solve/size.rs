@@ -117,9 +117,9 @@ impl SizeSpread {
         Some(Self { middle, variance: high })
     }
 
-    /// Middle of the logarithms.
+    /// Middle of the logarithms, no farther than a step. With a wrong model they can lie anywhere.
     pub(crate) fn middle(&self) -> f64 {
-        self.middle
+        self.middle.clamp(-STEP, STEP)
     }
 
     /// Standard deviation of the logarithms.
