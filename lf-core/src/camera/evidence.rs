@@ -1,10 +1,9 @@
 //! The parameters of a camera that the images of particles determine, and the evidence of a frame on them, which goes
 //! from lf-fit to `lf-calib refine`.
 //!
-//! Magnification and focal lengths scale places and depths, which no particle shows. A lenslet's focal length that is
-//! too long, or a sensor too far from the array, looks as an f-number that is too small, because depths follow. Field
-//! curvature moves depths too, and of astigmatism only a little is left when depths follow: dots find them (`lf-calib
-//! volume`).
+//! Magnification and focal lengths scale places and depths, which no particle shows. Field curvature moves depths too,
+//! and of astigmatism only a little is left when depths follow: dots find them (`lf-calib volume`). A sensor beyond the
+//! focus of the lenslets shows where in a lenslet light arrives. White images see such a gap as another f-number.
 
 use super::model::{Aberrations, Camera, Tilt};
 use crate::lattice::{Centres, terms};
@@ -31,6 +30,7 @@ enum What {
     Drift(usize),
     Blur,
     FNumber,
+    Gap,
     Pitch,
     Rotation,
     Tilt(usize),
@@ -45,7 +45,7 @@ const fn of(what: What, name: &'static str, key: &'static str, unit: &'static st
 }
 
 /// Number of parameters.
-pub const COUNT: usize = 18;
+pub const COUNT: usize = 19;
 
 /// The parameters: drift and blur first.
 pub const PARAMETERS: [Parameter; COUNT] = [
@@ -53,6 +53,7 @@ pub const PARAMETERS: [Parameter; COUNT] = [
     of(What::Drift(1), "place of the lenslets along y", "drift_y_px", "px"),
     of(What::Blur, "blur", "blur_px", "px"),
     of(What::FNumber, "f-number (or 1 / focal_length_mm of the lenslets)", "f_number_percent", "%"),
+    of(What::Gap, "gap between lenslets and sensor (at the same width of lenslet images)", "gap_percent", "%"),
     of(What::Pitch, "pitch of the lenslets", "pitch_percent", "%"),
     of(What::Rotation, "rotation of the lenslets", "rotation_mrad", "mrad"),
     of(What::Tilt(0), "tilt of the sensor along x", "tilt_x_mrad", "mrad"),
@@ -81,7 +82,7 @@ impl Parameter {
     /// The step, in the parameter's unit, that moves light by a pixel.
     pub fn per_px(&self, camera: &Camera) -> f64 {
         match self.what {
-            What::FNumber => 100.0 / (0.5 * camera.pitch_px()),
+            What::FNumber | What::Gap => 100.0 / (0.5 * camera.pitch_px()),
             What::Pitch => 100.0 / edge_px(camera),
             What::Rotation => 1000.0 / edge_px(camera),
             What::Tilt(_) => 1000.0 * 2.0 * camera.main_lens.working_f_number / edge_px(camera),
@@ -99,6 +100,13 @@ impl Parameter {
                 blur.sigma_px = (blur.sigma_px + by).max(0.0);
             }
             What::FNumber => camera.main_lens.working_f_number *= 1.0 + 0.01 * by,
+            What::Gap => {
+                // White images have shown the width and the pitch of the lenslet images.
+                let growth = 1.0 + camera.image_growth();
+                camera.microlenses.gap_mm = Some(camera.gap_mm() * (1.0 + 0.01 * by));
+                camera.main_lens.working_f_number *= 1.0 + 0.01 * by;
+                camera.microlenses.pitch_mm *= growth / (1.0 + camera.image_growth());
+            }
             What::Pitch => camera.microlenses.pitch_mm *= 1.0 + 0.01 * by,
             What::Rotation => camera.microlenses.rotation_rad += 1e-3 * by,
             What::Tilt(axis) => {

@@ -393,15 +393,20 @@ fn a_blur_is_found_whether_the_camera_names_it_or_not() {
     }
 }
 
-/// A camera with a wrong f-number, pitch or rotation: the fit corrects it, says so, and loses no particle by it.
+/// A camera with a wrong f-number, gap, pitch or rotation: the fit corrects it, says so, and loses no particle by it.
 #[test]
 fn a_camera_that_does_not_explain_the_image_is_corrected() {
     let bench = bench(&[]);
     let truth = Camera::open(&bench.path("scene/camera.json")).unwrap();
     let particles = table(&bench, "scene/particles.csv");
     type Change = fn(&mut Camera, f64);
-    let wrong: [(&str, f64, Change); 3] = [
+    let wrong: [(&str, f64, Change); 4] = [
         ("f_number_percent", 5.0, |camera, by| camera.main_lens.working_f_number *= 1.0 + 0.01 * by),
+        // White images show the width of lenslet images, which the f-number and the gap determine together.
+        ("gap_percent", 3.0, |camera, by| {
+            camera.microlenses.gap_mm = Some(camera.gap_mm() * (1.0 + 0.01 * by));
+            camera.main_lens.working_f_number *= 1.0 + 0.01 * by;
+        }),
         ("pitch_percent", 0.2, |camera, by| camera.microlenses.pitch_mm *= 1.0 + 0.01 * by),
         ("rotation_mrad", 3.0, |camera, by| camera.microlenses.rotation_rad += 0.001 * by),
     ];
