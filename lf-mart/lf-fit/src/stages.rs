@@ -176,6 +176,8 @@ const MOST_MISSING: f64 = 0.5;
 /// Particles whose light is uncertain by more than this share of it are left out of the result. One beyond the frame's
 /// rim, of which 0.02 % was seen, had 250 times the usual light.
 const UNSURE: f64 = 0.5;
+/// So are particles with less than this share of the usual light: light of others beyond the rim looks like them.
+const FAINTEST_FOUND: f64 = 0.05;
 /// Rounds end when they change less than this share of the particles.
 const QUIET: f64 = 0.005;
 
@@ -208,8 +210,20 @@ pub fn fit<'a>(
     Ok(Fit { doubts, ..together })
 }
 
-/// Fits a camera alone. Begins anew where the first particles were given and are not those of its image.
+/// Fits a camera alone. Particles beyond the sides of its volume are fitted too, and left out of the result.
 fn fit_alone<'a>(
+    input: &'a CameraInput,
+    camera: Option<usize>,
+    options: &FitOptions,
+    on_step: &mut dyn FnMut(&Progress),
+) -> Result<Fit<'a>, Refusal> {
+    let mut fit = fit_all(input, camera, options, on_step)?;
+    fit.particles.retain(|found| input.holds(&found.particle));
+    Ok(fit)
+}
+
+/// Begins anew where the first particles were given and are not those of the image.
+fn fit_all<'a>(
     input: &'a CameraInput,
     camera: Option<usize>,
     options: &FitOptions,
@@ -735,7 +749,10 @@ impl<'a, 'o> Stages<'a, 'o> {
         let excess = residual.excess() * if misfit > EXPLAINED { misfit } else { 1.0 };
         let evidence = self.evidence(excess)?;
         let (particles, pulls) = self.particles.uncertainties(self.prior);
-        let is_sure = |found: &FoundParticle| found.light_std < UNSURE * found.particle.light;
+        let least_light = FAINTEST_FOUND * self.particles.usual_light();
+        let is_sure = |FoundParticle { particle, light_std, .. }: &FoundParticle| {
+            *light_std < UNSURE * particle.light && particle.light > least_light
+        };
         let seen = particles.into_iter().zip(pulls).filter(|(found, _)| is_sure(found));
         let (mut particles, pulls): (Vec<_>, Vec<_>) = seen.unzip();
         let widened = parts::widen(&mut particles, &pulls, excess);

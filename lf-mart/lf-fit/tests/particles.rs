@@ -486,6 +486,24 @@ fn faint_particles_beside_bright_ones_are_found() {
     assert!(count + 2 >= truth.len() && found.len() <= truth.len() + 2, "{count} of {}", truth.len());
 }
 
+/// Scar: light of particles beyond the rim of the frame was taken for particles within it: 178 for 149.
+#[test]
+fn particles_beyond_the_rim_make_no_ghosts() {
+    let blur = "camera.blur={\"wavelength_nm\": 532, \"sigma_px\": 0.3}";
+    let noise = "sensor_noise={\"photon_noise\": true, \"read_noise_electrons\": 3}";
+    let sides = ["volume.x_mm=[-1.7,1.7]", "volume.y_mm=[-1.55,1.55]", "particles.per_lenslet=0.15"];
+    let bench = bench(&[&sides[..], &[blur, noise, "truth=null", "frames=1", "particles.rays=100000"]].concat());
+    bench.folder_run("lf-prune scene/frame-0000.exr -c scene/camera.json --pvr 4,4,r --depth -5,5 -o support.lfv");
+    let said = bench.done("support.lfv -i scene/frame-0000.exr -c scene/camera.json --particles found.csv").stderr;
+    assert!(!said.contains("does not explain"), "{said}");
+    let (truth, found) = (table(&bench, "scene/particles.csv"), table(&bench, "found.csv"));
+    let is_inside = |particle: &&Particle| particle.place_mm[0].abs() < 1.31 && particle.place_mm[1].abs() < 1.155;
+    let inside = truth.iter().filter(is_inside).count();
+    assert!(found.iter().all(|particle| is_inside(&particle)), "a particle beyond the volume");
+    let count = matched(&truth, &found).len();
+    assert!(count as f64 >= 0.96 * inside as f64 && found.len() <= count + 5, "{count} of {inside}, {}", found.len());
+}
+
 /// The commonest slip: the volume ends before the particles do.
 #[test]
 fn depths_that_end_before_the_particles_are_said() {

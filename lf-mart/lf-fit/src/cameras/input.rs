@@ -4,7 +4,7 @@ use crate::cameras::view::depths_mm;
 use crate::particle::Particle;
 use crate::start::first;
 use lf_core::image::Frame;
-use lf_core::{Camera, Refusal, Volume};
+use lf_core::{Camera, Grid, Refusal, Volume};
 use ndarray::{Array2, ArrayView2, CowArray, Ix2};
 
 /// A camera, its image, and the volume made from that image in the camera's own frame.
@@ -48,6 +48,15 @@ impl CameraInput {
     pub(crate) fn particles_in(&self, image: ArrayView2<f32>) -> Result<Vec<Particle>, Refusal> {
         let pixels = evened(image, self.image.flat.as_ref());
         first::particles(&self.camera, pixels.view(), &self.volume, |_| ())
+    }
+
+    /// Whether a particle lies between the sides of the volume.
+    pub(crate) fn holds(&self, particle: &Particle) -> bool {
+        let Grid { shape, spacing_mm, origin_mm } = self.volume.grid();
+        (0..2).all(|axis| {
+            let place = (particle.place_mm[axis] - origin_mm[axis]) / spacing_mm[axis];
+            (-0.5..shape[axis] as f64 - 0.5).contains(&place)
+        })
     }
 
     /// Number of sweeps of [`CameraInput::new`], and their bytes.

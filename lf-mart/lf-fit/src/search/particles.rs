@@ -115,15 +115,25 @@ impl<'a> Particles<'a> {
         self.tiling().members(&self.cameras, &self.list)
     }
 
+    /// Lights of the particles before the sensor; of all if none is. Those beside it may have any light.
+    fn lights(&self) -> Vec<f64> {
+        let view = self.cameras.first();
+        let is_before = |particle: &&Particle| {
+            let place = view.model.chief_px(particle.place_mm);
+            place.iter().zip(view.size()).all(|(place, size)| (0.0..size as f64).contains(place))
+        };
+        let before: Vec<f64> = self.list.iter().filter(is_before).map(|particle| particle.light).collect();
+        if before.is_empty() { self.list.iter().map(|particle| particle.light).collect() } else { before }
+    }
+
     /// Median light.
     pub(crate) fn usual_light(&self) -> f64 {
-        let mut lights: Vec<f64> = self.list.iter().map(|particle| particle.light).collect();
-        upper_median(&mut lights).unwrap_or(0.0)
+        upper_median(&mut self.lights()).unwrap_or(0.0)
     }
 
     /// The light of the particle that half of all light is brighter than. Many faint particles do not move it.
     pub(crate) fn weighty_light(&self) -> f64 {
-        let mut lights: Vec<f64> = self.list.iter().map(|particle| particle.light).collect();
+        let mut lights = self.lights();
         lights.sort_by(|a, b| b.total_cmp(a));
         let half = 0.5 * lights.iter().sum::<f64>();
         let mut sum = 0.0;

@@ -1,4 +1,6 @@
-//! The voxels of the sweeps: large ones that hold a voxel of the support, each at its place on the raster.
+//! The voxels of the sweeps: large ones that hold a voxel of the support, each at its place on the raster, and a collar
+//! of all beside the support from which light reaches the lenslets before it. Without a collar, the light of particles
+//! beyond the rim of the frame is taken for particles within it.
 
 use lf_core::Grid;
 use lf_core::views::{Slices, VoxelRun};
@@ -23,34 +25,64 @@ pub(super) struct Group {
     pub(super) end: usize,
 }
 
-/// `grid` with voxels that hold `times` of its voxels along each axis.
-pub(super) fn coarse_grid(grid: &Grid, times: [usize; 3]) -> Grid {
-    Grid {
-        shape: std::array::from_fn(|axis| grid.shape[axis].div_ceil(times[axis])),
-        spacing_mm: std::array::from_fn(|axis| grid.spacing_mm[axis] * times[axis] as f64),
-        origin_mm: std::array::from_fn(|axis| {
-            grid.origin_mm[axis] + 0.5 * (times[axis] - 1) as f64 * grid.spacing_mm[axis]
-        }),
-    }
+/// How voxels of the sweeps hold those of a support.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Coarse {
+    /// Voxels of the support along each axis.
+    pub(super) times: [usize; 3],
+    /// Voxels of the sweeps on either side of the support, along x and y.
+    pub(super) collar: [usize; 2],
 }
 
-/// The voxels of `slices` that hold a voxel of the support. Voxels whose rays all miss the sensor are left out.
-pub(super) fn voxels(slices: &Slices, support: &Grid, indices: &[u64], times: [usize; 3]) -> Vec<Slice> {
-    let [nx, ny, _] = support.shape;
-    let layer = (nx * ny * times[2]) as u64;
-    let width = slices.grid.shape[0];
-    (0..slices.grid.shape[2])
-        .into_par_iter()
-        .map(|z| {
+impl Coarse {
+    /// The grid of the sweeps.
+    pub(super) fn grid(&self, support: &Grid) -> Grid {
+        let Self { times, collar: [x, y] } = *self;
+        let collar = [x, y, 0];
+        let spacing_mm: [f64; 3] = std::array::from_fn(|axis| support.spacing_mm[axis] * times[axis] as f64);
+        Grid {
+            shape: std::array::from_fn(|axis| support.shape[axis].div_ceil(times[axis]) + 2 * collar[axis]),
+            spacing_mm,
+            origin_mm: std::array::from_fn(|axis| {
+                let first = support.origin_mm[axis] + 0.5 * (times[axis] - 1) as f64 * support.spacing_mm[axis];
+                first - collar[axis] as f64 * spacing_mm[axis]
+            }),
+        }
+    }
+
+    /// The voxels of `slices` that hold a voxel of the support, and those of the collar that lie within `reach_mm` of
+    /// the support in their slice. Voxels whose rays all miss the sensor are left out.
+    pub(super) fn voxels(
+        &self,
+        slices: &Slices,
+        support: &Grid,
+        indices: &[u64],
+        reach_mm: impl Fn(usize) -> f64 + Sync,
+    ) -> Vec<Slice> {
+        let Self { times, collar } = *self;
+        let [nx, ny, _] = support.shape;
+        let layer = (nx * ny * times[2]) as u64;
+        let [width, height, depth] = slices.grid.shape;
+        let of_slice = |z: usize| {
             let [first, end] = [0, 1].map(|step| indices.partition_point(|index| *index < layer * (z + step) as u64));
-            let mut holds = vec![false; width * slices.grid.shape[1]];
+            let reach = [0, 1].map(|axis| (reach_mm(z) / slices.grid.spacing_mm[axis]).ceil() as usize);
+            // How far a place along an axis lies in the collar.
+            let beside = |axis: usize, n: usize, count: usize| {
+                (collar[axis].saturating_sub(n)).max((n + collar[axis] + 1).saturating_sub(count))
+            };
+            let mut holds = vec![false; width * height];
+            for (n, holds) in holds.iter_mut().enumerate() {
+                let [x, y] = [beside(0, n % width, width), beside(1, n / width, height)];
+                *holds = (x > 0 || y > 0) && x <= reach[0] && y <= reach[1];
+            }
             for index in &indices[first..end] {
                 let [x, y, _] = support.voxel(*index);
-                holds[x / times[0] + width * (y / times[1])] = true;
+                holds[x / times[0] + collar[0] + width * (y / times[1] + collar[1])] = true;
             }
             slice(slices, z, &holds)
-        })
-        .collect()
+        };
+        (0..depth).into_par_iter().map(of_slice).collect()
+    }
 }
 
 /// The voxels of slice `z` that are asked for.
@@ -79,4 +111,19 @@ fn slice(slices: &Slices, z: usize, holds: &[bool]) -> Slice {
     }
     slice.light = vec![1.0; slice.voxels.len()];
     slice
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Eight voxels in twos, and a voxel on either side.
+    #[test]
+    fn a_grid_with_a_collar_by_hand() {
+        let support = Grid { shape: [8, 8, 2], spacing_mm: [0.1, 0.1, 1.0], origin_mm: [0.0, 1.0, -0.5] };
+        let grid = Coarse { times: [2, 2, 1], collar: [1, 0] }.grid(&support);
+        assert_eq!(grid.shape, [6, 4, 2]);
+        assert!((grid.origin_mm[0] + 0.15).abs() < 1e-12 && (grid.origin_mm[1] - 1.05).abs() < 1e-12);
+        assert_eq!((grid.spacing_mm, grid.origin_mm[2]), ([0.2, 0.2, 1.0], -0.5));
+    }
 }

@@ -5,10 +5,10 @@
 //! is multiplied by the mean of image over sum on the views that its rays meet. This is a simultaneous multiplicative
 //! reconstruction with ordered subsets. It finds where light is, not how much: the fit does that.
 
-use super::coarse::{Slice, coarse_grid, voxels};
+use super::coarse::{Coarse, Slice};
 use glam::DVec2;
 use lf_core::views::{LANES, LatticeRays, Sections, Slices, ViewRays, ViewsPlan, add_up, spread};
-use lf_core::{Camera, Grid, Refusal};
+use lf_core::{Camera, Grid, Optics, Refusal};
 use ndarray::ArrayView2;
 use rayon::prelude::*;
 
@@ -24,6 +24,10 @@ const TOGETHER: usize = 8;
 /// Largest factor by which a view asks its voxels to grow, so that sums of f32 stay exact enough.
 const MOST: f32 = 100.0;
 
+/// Particles are looked for beyond the rim of the frame to this share of the distance from which light reaches it.
+/// There a tenth of their light is seen.
+const BEYOND: f64 = 0.7;
+
 /// Bytes of a voxel: its places, its light while it changes, and its row in the list of all.
 const VOXEL_BYTES: f64 = 32.0;
 
@@ -32,7 +36,7 @@ pub(super) struct Sweeps<'a> {
     camera: &'a Camera,
     support: &'a Grid,
     grid: Grid,
-    times: [usize; 3],
+    coarse: Coarse,
     plan: ViewsPlan,
     sections: Sections,
 }
@@ -47,11 +51,15 @@ impl<'a> Sweeps<'a> {
             let times = (side_px[axis] * pixel_mm / support.spacing_mm[axis]).round() as usize;
             times.clamp(1, support.shape[axis])
         });
-        let grid = coarse_grid(support, times);
+        let ends = [0, support.shape[2] - 1].map(|z| reach_mm(camera, support.centre_mm(2, z)));
+        let side_mm = [0, 1].map(|axis| support.spacing_mm[axis] * times[axis] as f64);
+        let collar = side_mm.map(|side| (ends[0].max(ends[1]) / side).ceil() as usize);
+        let coarse = Coarse { times, collar };
+        let grid = coarse.grid(support);
         let sections = Sections::new(camera, None)?;
         let plan = ViewsPlan::new(camera, &grid);
         plan.check(sections.count())?;
-        Ok(Self { camera, support, grid, times, plan, sections })
+        Ok(Self { camera, support, grid, coarse, plan, sections })
     }
 
     /// The grid of the light.
@@ -65,7 +73,9 @@ impl<'a> Sweeps<'a> {
         let slices = Slices::new(self.camera, &self.grid, &self.plan);
         let sections_mm = self.sections.traced_mm();
         let [nx, ny, nz] = self.grid.shape;
-        let voxels = self.grid.len().min(count as u64) as f64;
+        let [across, down] = self.coarse.collar;
+        let within = (nx - 2 * across) * (ny - 2 * down) * nz;
+        let voxels = (within.min(count) + nx * ny * nz - within) as f64;
         let taken = self.sections.count().div_ceil(SUBSETS as u32);
         let views = self.plan.bytes(taken, size_of::<f32>());
         let sums = (slices.sums() * size_of::<f32>() + nx * ny) as f64;
@@ -77,7 +87,8 @@ impl<'a> Sweeps<'a> {
     pub(super) fn run(&self, image: ArrayView2<f32>, indices: &[u64], done: impl Fn(u64)) -> (Vec<u64>, Vec<f32>) {
         let slices = Slices::new(self.camera, &self.grid, &self.plan);
         let sections_mm = self.sections.lit(image, self.camera, &self.grid).0.traced_mm();
-        let mut voxels = voxels(&slices, self.support, indices, self.times);
+        let reach_mm = |z: usize| reach_mm(self.camera, self.grid.centre_mm(2, z));
+        let mut voxels = self.coarse.voxels(&slices, self.support, indices, reach_mm);
         for _ in 0..SWEEPS {
             for subset in 0..SUBSETS {
                 let taken: Vec<DVec2> = sections_mm.iter().copied().skip(subset).step_by(SUBSETS).collect();
@@ -92,6 +103,12 @@ impl<'a> Sweeps<'a> {
         }
         listed(&self.grid, voxels)
     }
+}
+
+/// How far beyond the rim of the frame particles at this depth are looked for, mm.
+fn reach_mm(camera: &Camera, z_mm: f64) -> f64 {
+    let optics = Optics::new(camera);
+    BEYOND * (optics.alpha(z_mm) / optics.beta(z_mm)).abs() * optics.half_aperture_mm
 }
 
 /// All voxels of slices, rising.
@@ -233,7 +250,6 @@ impl<'a> Views<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use lf_core::Optics;
     use lf_core::camera::{Distortion, Medium, Tilt};
 
     const PIXELS: usize = 252;
@@ -273,11 +289,12 @@ mod tests {
     /// Works on every other voxel of the grid, with views of all sections.
     fn with_views(camera: &Camera, check: impl Fn(&mut Views, &mut [Slice], &[DVec2])) {
         let grid = grid();
-        let sweeps = Sweeps { times: [1; 3], grid: grid.clone(), ..Sweeps::new(camera, &grid).unwrap() };
+        let coarse = Coarse { times: [1; 3], collar: [0; 2] };
+        let sweeps = Sweeps { coarse, grid: grid.clone(), ..Sweeps::new(camera, &grid).unwrap() };
         let plan = ViewsPlan::new(camera, &grid);
         let slices = Slices::new(camera, &grid, &plan);
         let indices: Vec<u64> = (0..grid.len()).filter(|n| hashed(*n as usize) < 0.5).collect();
-        let mut voxels = voxels(&slices, &grid, &indices, [1; 3]);
+        let mut voxels = coarse.voxels(&slices, &grid, &indices, |_| 0.0);
         let listed: usize = voxels.iter().map(|slice| slice.voxels.len()).sum();
         assert!(listed == indices.len(), "{listed} of {}", indices.len());
         let sections_mm = sweeps.sections.traced_mm();
