@@ -9,7 +9,7 @@ use crate::model::particle_image::{ParticleImage, UNKNOWNS};
 use crate::model::window::Rectangle;
 use crate::search::particles::{AT_ONCE, Particles};
 use crate::shared::sample::sample_parts;
-use crate::stages::{FitOptions, join, start_alone};
+use crate::stages::{FAINTEST_MAXIMUM, FitOptions, join, start_alone};
 use lf_core::camera::Pose;
 use lf_core::particle_image::ParticleModel;
 use lf_core::{Grid, Refusal};
@@ -54,7 +54,8 @@ pub fn estimated_bytes(
     let (mut most, mut tables) = (0, 0);
     let (mut views, mut image, mut count) = (Vec::<CameraView>::new(), ImageSize::default(), 0);
     for (n, input) in inputs.iter().enumerate() {
-        let particles = start_alone(input, &input.first, options).map_err(|refusal| (n, refusal))?;
+        let mut particles = start_alone(input, &input.first, options).map_err(|refusal| (n, refusal))?;
+        particles.drop_faint(FAINTEST_MAXIMUM);
         let (first, grid) = (particles.cameras.first(), input.volume.grid());
         // A size that is fitted is unknown yet.
         let sigma_px = if options.free.size { options.shape.sigma_px.max(LARGE_PX) } else { options.shape.sigma_px };

@@ -150,7 +150,7 @@ const CAMERA_STEP: &str = "camera";
 /// maximum below a tenth, and none of them had less than a fifth after the first fit; a third of the maxima are
 /// below a twentieth.
 const LIGHT_ROUNDS: usize = 15;
-const FAINTEST_MAXIMUM: f64 = 0.05;
+pub(crate) const FAINTEST_MAXIMUM: f64 = 0.05;
 const FAINTEST: f64 = 0.1;
 /// The first fit of the shape ends with a step below this, px. Spare particles move the shape by more.
 const FIRST_SHAPE_PX: f64 = 0.002;
@@ -534,12 +534,9 @@ impl<'a, 'o> Stages<'a, 'o> {
         self.drop_faint(FAINTEST);
     }
 
-    /// Drops the particles with less than this share of the light above which half of all light is.
     fn drop_faint(&mut self, share: f64) {
-        let particles = &mut self.particles;
-        let least = share * particles.weighty_light();
-        particles.set(particles.list.iter().filter(|particle| particle.light > least).copied().collect());
-        particles.render();
+        self.particles.drop_faint(share);
+        self.particles.render();
     }
 
     /// Fits all particles.

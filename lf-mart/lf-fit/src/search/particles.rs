@@ -144,6 +144,12 @@ impl<'a> Particles<'a> {
         reached.copied().unwrap_or(0.0)
     }
 
+    /// Drops the particles with less than this share of the light above which half of all light is.
+    pub(crate) fn drop_faint(&mut self, share: f64) {
+        let least = share * self.weighty_light();
+        self.set(self.list.iter().filter(|particle| particle.light > least).copied().collect());
+    }
+
     /// Renders all particles anew.
     pub(crate) fn render(&mut self) {
         self.cameras.views.iter_mut().for_each(CameraView::darken);

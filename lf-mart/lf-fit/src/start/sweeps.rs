@@ -25,8 +25,8 @@ const TOGETHER: usize = 8;
 const MOST: f32 = 100.0;
 
 /// Particles are looked for beyond the rim of the frame to this share of the distance from which light reaches it.
-/// There a tenth of their light is seen.
-const BEYOND: f64 = 0.7;
+/// There a fifth of their light is seen.
+const BEYOND: f64 = 0.5;
 
 /// Bytes of a voxel: its places, its light while it changes, and its row in the list of all.
 const VOXEL_BYTES: f64 = 32.0;
