@@ -327,7 +327,7 @@ struct Stages<'a, 'o> {
     schedule: &'static Schedule,
     on_step: &'o mut dyn FnMut(&Progress),
     prior: Prior,
-    /// The input in whose image the first round looks for missing particles.
+    /// The input, until the rounds have looked for missing particles in its image.
     input: Option<&'a CameraInput>,
     /// Whether the shape has moved since all particles were fitted.
     is_stale: bool,
@@ -525,7 +525,7 @@ impl<'a, 'o> Stages<'a, 'o> {
         self.particles.cameras.views.len() == 1
     }
 
-    /// Shares the light of the images out among the maxima, and sets the faint ones aside.
+    /// Shares the light of the images out among the maxima, and drops the faint ones.
     fn share_light(&mut self) {
         self.drop_faint(FAINTEST_MAXIMUM);
         for _ in 0..self.schedule.light_passes {

@@ -75,7 +75,7 @@ pub struct Arguments {
     /// Standard deviation of a pixel without light, counts [default: found from the image]
     #[arg(long, value_name = "COUNTS", help_heading = FIT)]
     pub read_noise: Option<f64>,
-    /// Largest number of rounds of dropping, splitting and adding particles
+    /// Largest number of rounds of dropping and splitting particles
     #[arg(long, value_name = "N", default_value_t = 5, help_heading = EXPERIMENTS, hide = true)]
     pub rounds: usize,
     /// Particles (.csv) with their uncertainties, - for standard output
