@@ -486,7 +486,7 @@ fn faint_particles_beside_bright_ones_are_found() {
     assert!(count + 2 >= truth.len() && found.len() <= truth.len() + 2, "{count} of {}", truth.len());
 }
 
-/// Scar: light of particles beyond the rim of the frame was taken for particles within it: 178 for 149.
+/// Scar: light of particles beyond the rim of the frame was taken for particles within it: 232 for 149.
 #[test]
 fn particles_beyond_the_rim_make_no_ghosts() {
     let blur = "camera.blur={\"wavelength_nm\": 532, \"sigma_px\": 0.3}";
