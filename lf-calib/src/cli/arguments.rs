@@ -64,9 +64,9 @@ pub enum Task {
     /// Correct a camera by what the particles of frames show: a bundle adjustment
     ///
     /// Each frame brings its evidence by lf-fit, which takes the places of the particles as unknown too. All frames
-    /// together correct what they clearly show: place, pitch, rotation and departures of the lenslets, f-number, tilt,
-    /// blur, spherical aberration and coma. Magnification, focal lengths and distances are kept, because they move all
-    /// particles together. One frame is enough; more show smaller errors.
+    /// together correct what they clearly show: place, pitch, rotation and departures of the lenslets, f-number, gap to
+    /// the sensor, tilt, blur, spherical aberration and coma. Magnification and focal lengths are kept, because they
+    /// move all particles together. One frame is enough; more show smaller errors.
     #[command(after_help = "Examples, in out/ after scripts/demo:
   lf-fit support-0000.lfv -i scene/frame-0000.exr -c camera.json --particles particles-0000.csv \\
       --evidence evidence-0000.json
