@@ -14,7 +14,7 @@ use crate::cameras::view::{BEYOND_PX, CameraView, Cameras, depths_mm};
 use crate::model::buffers::FitBuffers;
 use crate::model::window::Window;
 use crate::particle::{FoundParticle, Particle};
-use crate::search::changes::Criteria;
+use crate::search::changes::{Criteria, LEAST_LIGHT};
 use crate::search::particles::{Members, Particles};
 use crate::search::tile_fit::{Changed, TileFit};
 use crate::search::tiles::Tile;
@@ -176,8 +176,6 @@ const MOST_MISSING: f64 = 0.5;
 /// Particles whose light is uncertain by more than this share of it are left out of the result. One beyond the frame's
 /// rim, of which 0.02 % was seen, had 250 times the usual light.
 const UNSURE: f64 = 0.5;
-/// So are particles with less than this share of the usual light: light of others beyond the rim looks like them.
-const FAINTEST_FOUND: f64 = 0.05;
 /// Rounds end when they change less than this share of the particles.
 const QUIET: f64 = 0.005;
 
@@ -746,7 +744,7 @@ impl<'a, 'o> Stages<'a, 'o> {
         let excess = residual.excess() * if misfit > EXPLAINED { misfit } else { 1.0 };
         let evidence = self.evidence(excess)?;
         let (particles, pulls) = self.particles.uncertainties(self.prior);
-        let least_light = FAINTEST_FOUND * self.particles.usual_light();
+        let least_light = LEAST_LIGHT * self.particles.usual_light();
         let is_sure = |FoundParticle { particle, light_std, .. }: &FoundParticle| {
             *light_std < UNSURE * particle.light && particle.light > least_light
         };

@@ -472,15 +472,20 @@ fn a_support_is_enough() {
     assert!(bench.bytes("one.csv") == bench.bytes("found.csv"));
 }
 
+/// Fits a blurred, noisy frame on its support. Gives the bench, with `found.csv`, and what was said.
+fn found_on_a_support(keys: &[&str]) -> (Workbench, String) {
+    let blur = "camera.blur={\"wavelength_nm\": 532, \"sigma_px\": 0.3}";
+    let noise = "sensor_noise={\"photon_noise\": true, \"read_noise_electrons\": 3}";
+    let bench = bench(&[keys, &[blur, noise, "truth=null", "frames=1", "particles.rays=100000"]].concat());
+    bench.folder_run("lf-prune scene/frame-0000.exr -c scene/camera.json --pvr 4,4,r --depth -5,5 -o support.lfv");
+    let said = bench.done("support.lfv -i scene/frame-0000.exr -c scene/camera.json --particles found.csv").stderr;
+    (bench, said)
+}
+
 /// Scar: beside bright particles, those with a twentieth of their light were no maxima: 46 of 54 were found.
 #[test]
 fn faint_particles_beside_bright_ones_are_found() {
-    let blur = "camera.blur={\"wavelength_nm\": 532, \"sigma_px\": 0.3}";
-    let noise = "sensor_noise={\"photon_noise\": true, \"read_noise_electrons\": 3}";
-    let bench =
-        bench(&[blur, noise, "particles.intensity_spread=2", "truth=null", "frames=1", "particles.rays=100000"]);
-    bench.folder_run("lf-prune scene/frame-0000.exr -c scene/camera.json --pvr 4,4,r --depth -5,5 -o support.lfv");
-    bench.done("support.lfv -i scene/frame-0000.exr -c scene/camera.json --particles found.csv");
+    let (bench, _) = found_on_a_support(&["particles.intensity_spread=2"]);
     let (truth, found) = (table(&bench, "scene/particles.csv"), table(&bench, "found.csv"));
     let count = matched(&truth, &found).len();
     assert!(count + 2 >= truth.len() && found.len() <= truth.len() + 2, "{count} of {}", truth.len());
@@ -489,12 +494,8 @@ fn faint_particles_beside_bright_ones_are_found() {
 /// Scar: light of particles beyond the rim of the frame was taken for particles within it: 232 for 149.
 #[test]
 fn particles_beyond_the_rim_make_no_ghosts() {
-    let blur = "camera.blur={\"wavelength_nm\": 532, \"sigma_px\": 0.3}";
-    let noise = "sensor_noise={\"photon_noise\": true, \"read_noise_electrons\": 3}";
     let sides = ["volume.x_mm=[-1.7,1.7]", "volume.y_mm=[-1.55,1.55]", "particles.per_lenslet=0.15"];
-    let bench = bench(&[&sides[..], &[blur, noise, "truth=null", "frames=1", "particles.rays=100000"]].concat());
-    bench.folder_run("lf-prune scene/frame-0000.exr -c scene/camera.json --pvr 4,4,r --depth -5,5 -o support.lfv");
-    let said = bench.done("support.lfv -i scene/frame-0000.exr -c scene/camera.json --particles found.csv").stderr;
+    let (bench, said) = found_on_a_support(&sides);
     assert!(!said.contains("does not explain"), "{said}");
     let (truth, found) = (table(&bench, "scene/particles.csv"), table(&bench, "found.csv"));
     let is_inside = |particle: &&Particle| particle.place_mm[0].abs() < 1.31 && particle.place_mm[1].abs() < 1.155;

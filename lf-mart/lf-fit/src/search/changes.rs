@@ -56,10 +56,10 @@ const DEPTH_WEIGHT: f64 = 0.1;
 const TWIN: [f64; 2] = [1.5, 60.0];
 const ALIKE: f64 = 0.3;
 const SPARE: f64 = 10.0;
-/// Light of a faint particle, that of the faintest new one, and the largest light at which one begins, over the usual.
-/// Light of particles beyond the frame's rim looks like particles of a thirtieth of the usual light.
+/// Light of a faint particle, the least of one that is new or in the result, and the largest light at which one begins,
+/// over the usual. Light of particles beyond the frame's rim looks like particles of a thirtieth of the usual light.
 const FAINT: f64 = 0.2;
-const FAINTEST_NEW: f64 = 0.05;
+pub(crate) const LEAST_LIGHT: f64 = 0.05;
 const BRIGHTEST_NEW: f64 = 3.0;
 /// Smallest distance sideways between candidates that are tried, pixels of the focal plane.
 const APART: f64 = 6.0;
@@ -100,7 +100,7 @@ impl Criteria {
     /// Smallest fall of -2 log L for a particle with this light over the usual.
     fn gain_of(&self, light: f64) -> f64 {
         match light {
-            ..FAINTEST_NEW => f64::INFINITY,
+            ..LEAST_LIGHT => f64::INFINITY,
             ..FAINT => SPARE * self.gain,
             _ => self.gain,
         }

@@ -71,9 +71,12 @@ impl Coarse {
                 (collar[axis].saturating_sub(n)).max((n + collar[axis] + 1).saturating_sub(count))
             };
             let mut holds = vec![false; width * height];
-            for (n, holds) in holds.iter_mut().enumerate() {
-                let [x, y] = [beside(0, n % width, width), beside(1, n / width, height)];
-                *holds = (x > 0 || y > 0) && x <= reach[0] && y <= reach[1];
+            for (row, holds) in holds.chunks_mut(width).enumerate() {
+                let y = beside(1, row, height);
+                for (column, holds) in holds.iter_mut().enumerate() {
+                    let x = beside(0, column, width);
+                    *holds = (x > 0 || y > 0) && x <= reach[0] && y <= reach[1];
+                }
             }
             for index in &indices[first..end] {
                 let [x, y, _] = support.voxel(*index);
