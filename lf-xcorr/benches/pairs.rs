@@ -124,7 +124,13 @@ fn main() {
     );
     let (flows, densities, seeds) = match is_asked("choose") {
         true => (
-            vec![Flow::Shear(0.0), Flow::Wave(5.0, 4.0), Flow::Jet(1.2, 3.0), Flow::Ring(0.8, 4.0)],
+            vec![
+                Flow::Shear(0.0),
+                Flow::Wave(5.0, 4.0),
+                Flow::Jet(3.0, 3.0),
+                Flow::Jet(1.2, 3.0),
+                Flow::Ring(0.8, 4.0),
+            ],
             [0.3, 0.7],
             101..103,
         ),
@@ -135,6 +141,7 @@ fn main() {
                 Flow::Rotation(4.0),
                 Flow::Vortices(4.0, 3.0),
                 Flow::Wave(6.0, 5.0),
+                Flow::Jet(2.5, 4.0),
                 Flow::Jet(0.9, 4.0),
                 Flow::Ring(0.6, 3.0),
             ],

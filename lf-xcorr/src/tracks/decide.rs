@@ -184,9 +184,9 @@ impl<'a> Decision<'a> {
     fn fits(&self, pairs: &[Pair], guess: &Guess, misfits: &PriorField) -> (Vec<Option<Fitted>>, usize, f64) {
         let nodes = self.nodes.apart(2.0 * self.half_mm);
         let near = Near::new(pairs);
-        let scales = near.scales(nodes);
+        let scales = near.scales(nodes, None);
         let near = near.without_wrong(&scales);
-        let scales = near.scales(nodes);
+        let scales = near.scales(nodes, Some(&scales));
         let inside: Vec<usize> =
             (0..self.nodes.count()).map(|node| near.inside(self.nodes.place(node), self.half_mm)).collect();
         let dense = inside.iter().any(|pairs| *pairs > MANY).then(|| {

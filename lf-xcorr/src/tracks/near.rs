@@ -69,9 +69,10 @@ impl<'a> Near<'a> {
         }
     }
 
-    /// The scales at nodes a window apart.
-    pub fn scales(&self, nodes: Nodes) -> ScaleField {
-        ScaleField::new(nodes, self.usual, |place| self.sites(&self.nearest(place, PAIRS_OF_SCALES)))
+    /// The scales at nodes a window apart; `before` are those of more pairs.
+    pub fn scales(&self, nodes: Nodes, before: Option<&ScaleField>) -> ScaleField {
+        let near = |place: DVec3| self.nearest(place, PAIRS_OF_SCALES);
+        ScaleField::new(nodes, self.usual, near, |pairs| self.sites(pairs), before)
     }
 
     /// The pairs that their neighbours do not contradict.

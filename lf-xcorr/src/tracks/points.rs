@@ -4,7 +4,7 @@ use glam::{DMat3, DVec3};
 use lf_core::Particle;
 
 /// Constant: minimum standard uncertainty of a place, voxels. Exact particles would have infinite weight.
-const MINIMUM_VOX: f64 = 1e-3;
+const MINIMUM_VOX: f64 = 1e-4;
 
 /// Constant: standard uncertainty of a place without one, voxels, as centroids of reconstructed particles have it. The
 /// residuals of the pairs scale the vectors' uncertainties.

@@ -3,10 +3,10 @@
 //! Model (Rasmussen & Williams 2006, chapter 2): the displacement is a constant plus a random field whose values at two
 //! places correlate by Matern's function of order 9/2 of their distance. Order 5/2 takes smooth flows for rough ones
 //! and states too much uncertainty; a Gaussian takes rough ones for smooth ones and states too little. Each component
-//! has its own strength, and all share a length. A pair measures the displacement at its midpoint with the full
-//! covariance of both its places: near the focal plane a particle is certain across a line and uncertain along it, and
-//! only the covariance knows the line. The vector at a place is the mean of the field given the pairs; its covariance
-//! follows.
+//! has its own strength and length, because a turn in x, y does not say over what distance z changes. A pair measures
+//! the displacement at its midpoint with the full covariance of both its places: near the focal plane a particle is
+//! certain across a line and uncertain along it, and only the covariance knows the line. The vector at a place is the
+//! mean of the field given the pairs; its covariance follows.
 
 use glam::{DMat3, DVec3};
 use lf_core::linear::{cholesky, dot, solve_lower};
@@ -22,8 +22,8 @@ pub(crate) struct Sites {
 /// How a flow changes from place to place, mm.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Scales {
-    /// Distance over which displacements change.
-    pub length: f64,
+    /// Distance over which each component changes.
+    pub length: DVec3,
     /// Standard deviation of each component about the constant.
     pub strength: DVec3,
     /// Standard deviation of the pairs, relative to the one that their covariances state.
@@ -61,9 +61,9 @@ impl<'a> Process<'a> {
         for (i, (place, own)) in sites.places.iter().zip(&sites.covariances).enumerate() {
             let own = (scales.misfit * scales.misfit * *own).to_cols_array_2d();
             for (j, other) in sites.places[..=i].iter().enumerate() {
-                let alike = matern(place.distance(*other), scales.length);
+                let distance = place.distance(*other);
                 for c in 0..3 {
-                    lower[(3 * i + c) * count + 3 * j + c] = alike * variance[c];
+                    lower[(3 * i + c) * count + 3 * j + c] = matern(distance, scales.length[c]) * variance[c];
                 }
             }
             for (c, row) in own.iter().enumerate() {
@@ -100,10 +100,10 @@ impl<'a> Process<'a> {
     pub fn at(&self, place: DVec3) -> (DVec3, DMat3) {
         let count = self.rest.len();
         let variance = self.scales.strength * self.scales.strength;
-        let alike: Vec<f64> =
-            self.sites.places.iter().map(|site| matern(site.distance(place), self.scales.length)).collect();
+        let distances: Vec<f64> = self.sites.places.iter().map(|site| site.distance(place)).collect();
         let columns = [0, 1, 2].map(|c| {
-            let value = |n: usize| if n % 3 == c { alike[n / 3] * variance[c] } else { 0.0 };
+            let alike = |n: usize| matern(distances[n], self.scales.length[c]);
+            let value = |n: usize| if n % 3 == c { alike(n / 3) * variance[c] } else { 0.0 };
             let mut column: Vec<f64> = (0..count).map(value).collect();
             solve_lower(&self.lower, &mut column);
             column
@@ -137,7 +137,8 @@ mod tests {
     #[test]
     fn two_pairs_by_hand() {
         let sites = sites(&[(DVec3::ZERO, DVec3::ZERO, 1e-6), (DVec3::X, 6e-3 * DVec3::X, 2e-6)]);
-        let process = Process::new(&sites, Scales { length: 1.0, strength: DVec3::splat(1e-12), misfit: 1.0 }).unwrap();
+        let process =
+            Process::new(&sites, Scales { length: DVec3::ONE, strength: DVec3::splat(1e-12), misfit: 1.0 }).unwrap();
         let (shift, covariance) = process.at(DVec3::new(0.3, 0.2, 0.1));
         assert!((shift - 2e-3 * DVec3::X).abs().max_element() < 1e-9, "{shift}");
         assert!((covariance.diagonal() - 2e-6 / 3.0).abs().max_element() < 1e-12, "{covariance}");
@@ -150,7 +151,7 @@ mod tests {
         let places: Vec<DVec3> =
             (0..27).map(|n| 0.4 * DVec3::new((n % 3) as f64, (n / 3 % 3) as f64, (n / 9) as f64)).collect();
         let sites = sites(&places.iter().map(|place| (*place, wave(*place), 1e-10)).collect::<Vec<_>>());
-        let process = Process::new(&sites, Scales { length: 1.0, strength: DVec3::ONE, misfit: 1.0 }).unwrap();
+        let process = Process::new(&sites, Scales { length: DVec3::ONE, strength: DVec3::ONE, misfit: 1.0 }).unwrap();
         assert!((process.at(places[13]).0 - wave(places[13])).abs().max_element() < 1e-4);
         let between = DVec3::new(0.55, 0.3, 0.2);
         assert!((process.at(between).0 - wave(between)).abs().max_element() < 0.02, "{}", process.at(between).0);
@@ -169,7 +170,8 @@ mod tests {
             all.shifts.push(wanted + 0.08 * along);
             all.covariances.push(DMat3::from_diagonal(DVec3::splat(1e-10)) + 0.01 * outer);
         }
-        let process = Process::new(&all, Scales { length: 1.0, strength: DVec3::splat(1e-9), misfit: 1.0 }).unwrap();
+        let process =
+            Process::new(&all, Scales { length: DVec3::ONE, strength: DVec3::splat(1e-9), misfit: 1.0 }).unwrap();
         let (shift, covariance) = process.at(DVec3::ZERO);
         assert!((shift - wanted).length() < 3e-4, "{shift}");
         assert!(covariance.diagonal().max_element() < 1e-8);
@@ -182,7 +184,8 @@ mod tests {
         let pairs: Vec<_> = places.iter().enumerate().map(|(n, place)| (*place, turn(n), 1e-10)).collect();
         let sites = sites(&pairs);
         let of = |strength: f64| {
-            let scales = Scales { length: 0.5, strength: DVec3::new(strength, strength, 1e-9), misfit: 1.0 };
+            let scales =
+                Scales { length: DVec3::splat(0.5), strength: DVec3::new(strength, strength, 1e-9), misfit: 1.0 };
             Process::new(&sites, scales).unwrap().log_likelihood()
         };
         assert!(of(7e-3) > of(7e-4) && of(7e-3) > of(7e-2));

@@ -6,6 +6,7 @@ use crate::vectors::Nodes;
 use glam::DVec3;
 use lf_core::statistics::median;
 use rayon::prelude::*;
+use std::f64::consts::LN_2;
 
 /// Constant: distance over which a flow is expected to change, in mean distances of pairs, and the spread of its
 /// natural logarithm. It matters where there are few pairs.
@@ -16,32 +17,27 @@ const LENGTHS: [f64; 2] = [0.35, 11.2];
 /// Constant: spread of the natural logarithm of the misfit, and its bounds.
 const MISFIT_SPREAD: f64 = 0.35;
 const MISFITS: [f64; 2] = [0.25, 8.0];
-/// Constant: maximum strength over the spread of the displacements.
+/// Constants: minimum strength over the uncertainty of a displacement, and maximum over the spread of displacements.
+const WEAKEST: f64 = 0.25;
 const STRONGEST: f64 = 64.0;
 /// Constant: maximum number of passes over all directions.
 const PASSES: usize = 6;
-/// Constant: directions in which length and strengths change together, in powers. A smooth flow is as likely with a
-/// longer length and more strength, so the search also follows this ridge along its own direction.
-const DIRECTIONS: [[f64; NUMBERS]; 10] = [
-    [1.0, 0.0, 0.0, 0.0, 0.0],
-    [0.0, 1.0, 0.0, 0.0, 0.0],
-    [0.0, 0.0, 1.0, 0.0, 0.0],
-    [0.0, 0.0, 0.0, 1.0, 0.0],
-    [1.0, 1.0, 0.0, 0.0, 0.0],
-    [1.0, 0.0, 1.0, 0.0, 0.0],
-    [1.0, 0.0, 0.0, 1.0, 0.0],
-    [1.0, 1.0, 1.0, 1.0, 0.0],
-    [1.0, 2.0, 2.0, 2.0, 0.0],
-    [0.0, 0.0, 0.0, 0.0, 0.5],
-];
+/// Constant: directions of the search, in powers of length, strength and misfit. A smooth flow is as likely with a
+/// longer length and more strength, so the search also follows this ridge. One axis at a time, then all together.
+const ALONE: [[f64; 3]; 4] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [1.0, 1.0, 0.0], [1.0, 2.0, 0.0]];
+const TOGETHER: [[f64; 3]; 3] = [[1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 0.0, 0.5]];
 
 /// Scales whose logarithms differ by less, as steps there and back do by rounding, are the same.
 const SAME: f64 = 1e-9;
-/// Numbers of a set of scales: length, three strengths, misfit.
-const NUMBERS: usize = 5;
+/// Numbers of a set of scales: three lengths, three strengths, misfit.
+const NUMBERS: usize = 7;
 
 /// Scales on a grid of windows.
-pub(crate) struct ScaleField(LogField<NUMBERS>);
+pub(crate) struct ScaleField {
+    field: LogField<NUMBERS>,
+    /// Numbers of the pairs that determine the scales of each node.
+    pairs: Vec<Vec<usize>>,
+}
 
 /// The measures of all pairs, mm.
 #[derive(Debug, Clone, Copy)]
@@ -53,25 +49,56 @@ pub(crate) struct Usual {
 }
 
 impl ScaleField {
-    /// `near` gives the pairs about a place.
-    pub fn new(nodes: Nodes, usual: Usual, near: impl Fn(DVec3) -> Sites + Sync) -> Self {
-        let of_node = |node: usize| likeliest(&near(nodes.place(node)), usual);
-        Self(LogField { nodes, logs: (0..nodes.count()).into_par_iter().map(of_node).collect() })
+    /// `near` gives the pairs about a place by their numbers, and `sites` what they measure. Nodes whose pairs are as in
+    /// `before` keep their scales.
+    pub fn new(
+        nodes: Nodes,
+        usual: Usual,
+        near: impl Fn(DVec3) -> Vec<usize> + Sync,
+        sites: impl Fn(&[usize]) -> Sites + Sync,
+        before: Option<&Self>,
+    ) -> Self {
+        let of_node = |node: usize| {
+            let pairs = near(nodes.place(node));
+            let known = before.filter(|before| before.pairs[node] == pairs).map(|before| before.field.logs[node]);
+            (known.unwrap_or_else(|| likeliest(&sites(&pairs), usual)), pairs)
+        };
+        let (logs, pairs) = (0..nodes.count()).into_par_iter().map(of_node).unzip();
+        Self { field: LogField { nodes, logs }, pairs }
     }
 
     /// The misfit: the median of all nodes.
     pub fn misfit(&self) -> f64 {
-        median(&mut self.0.logs.iter().map(|logs| logs[NUMBERS - 1].exp()).collect::<Vec<f64>>())
+        median(&mut self.field.logs.iter().map(|logs| logs[NUMBERS - 1].exp()).collect::<Vec<f64>>())
     }
 
     /// The scales at a place.
     pub fn at(&self, place_mm: DVec3) -> Scales {
-        scales(self.0.at(place_mm))
+        scales(self.field.at(place_mm))
     }
 }
 
-fn scales([length, x, y, z, misfit]: [f64; NUMBERS]) -> Scales {
-    Scales { length, strength: DVec3::new(x, y, z), misfit }
+fn scales(logs: [f64; NUMBERS]) -> Scales {
+    Scales { length: DVec3::from_slice(&logs), strength: DVec3::from_slice(&logs[3..]), misfit: logs[6] }
+}
+
+/// All directions of the search.
+fn directions() -> impl Iterator<Item = [f64; NUMBERS]> {
+    let of = |[length, strength, misfit]: [f64; 3], axes: [f64; 3]| {
+        let [x, y, z] = axes;
+        [length * x, length * y, length * z, strength * x, strength * y, strength * z, misfit]
+    };
+    let axes = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+    let alone = ALONE.into_iter().flat_map(move |powers| axes.map(|axes| of(powers, axes)));
+    alone.chain(TOGETHER.map(|powers| of(powers, [1.0; 3])))
+}
+
+/// Logarithm of the likelihood of some displacements, with what is expected of scales.
+fn likelihood(sites: &Sites, usual: Usual, logs: &[f64; NUMBERS]) -> f64 {
+    let lengths: f64 = logs[..3].iter().map(|log| ((log - (LENGTH * usual.apart).ln()) / SPREAD).powi(2)).sum();
+    let misfit = (logs[NUMBERS - 1] / MISFIT_SPREAD).powi(2);
+    let process = Process::new(sites, scales(logs.map(f64::exp)));
+    process.map_or(f64::NEG_INFINITY, |process| process.log_likelihood() - 0.5 * (lengths + misfit))
 }
 
 /// The scales under which the displacements are most likely, found direction by direction in factors of two.
@@ -79,21 +106,17 @@ fn likeliest(sites: &Sites, usual: Usual) -> [f64; NUMBERS] {
     let count = sites.shifts.len().max(1) as f64;
     let mean = sites.shifts.iter().sum::<DVec3>() / count;
     let spread = (sites.shifts.iter().map(|shift| (*shift - mean).powf(2.0)).sum::<DVec3>() / count).map(f64::sqrt);
-    let low = usual.uncertain.ln();
+    let low = (WEAKEST * usual.uncertain).ln();
     let lengths = LENGTHS.map(|length| (length * usual.apart).ln());
     let high = (STRONGEST * spread.max_element()).ln().max(low);
-    let likelihood = |logs: &[f64; NUMBERS]| {
-        let far = ((logs[0] - (LENGTH * usual.apart).ln()) / SPREAD).hypot(logs[NUMBERS - 1] / MISFIT_SPREAD);
-        Process::new(sites, scales(logs.map(f64::exp)))
-            .map_or(f64::NEG_INFINITY, |process| process.log_likelihood() - 0.5 * far * far)
-    };
     let start = spread.to_array().map(|spread| spread.ln().clamp(low, high));
     let length = (LENGTH * usual.apart).ln();
-    let bounds = [lengths, [low, high], [low, high], [low, high], MISFITS.map(f64::ln)];
+    let bounds = [lengths, lengths, lengths, [low, high], [low, high], [low, high], MISFITS.map(f64::ln)];
     // Start from a flow that changes much, and from an even one whose pairs scatter more than they state.
-    let starts = [[length, start[0], start[1], start[2], 0.0], [length, low, low, low, std::f64::consts::LN_2]];
+    let [x, y, z] = start;
+    let starts = [[length, length, length, x, y, z, 0.0], [length, length, length, low, low, low, LN_2]];
     let mut known = Vec::new();
-    let mut score = |logs: &[f64; NUMBERS]| looked_up(&mut known, logs, likelihood);
+    let mut score = |logs: &[f64; NUMBERS]| looked_up(&mut known, logs, |logs| likelihood(sites, usual, logs));
     let [(changing, one), (even, other)] = starts.map(|start| climbed(start, bounds, &mut score));
     if other > one { even } else { changing }
 }
@@ -122,8 +145,8 @@ fn climbed(
     let mut best = score(&logs);
     for _ in 0..PASSES {
         let before = best;
-        for direction in DIRECTIONS {
-            for step in [-std::f64::consts::LN_2, std::f64::consts::LN_2] {
+        for direction in directions() {
+            for step in [-LN_2, LN_2] {
                 loop {
                     let next =
                         std::array::from_fn(|n| (logs[n] + step * direction[n]).clamp(bounds[n][0], bounds[n][1]));
@@ -162,7 +185,7 @@ mod tests {
             sites.covariances.push(DMat3::from_diagonal(DVec3::splat(1e-6 / 12.0)));
         }
         let usual = Usual { apart: 0.6, uncertain: 1e-4 };
-        let [length, x, y, z, _] = likeliest(&sites, usual);
+        let [length, _, _, x, y, z, _] = likeliest(&sites, usual);
         assert!(x > y + 2.0 && x > z + 2.0 && length.exp() > 0.8, "{length} {x} {y} {z}");
         assert!(y.exp() < 6e-4 && z.exp() < 6e-4, "{y} {z}");
         // Covariances that state a quarter of the variance.
