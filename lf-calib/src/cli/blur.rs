@@ -33,7 +33,7 @@ pub fn report_blur(found: Option<RimBlur>, nominal: &Camera, session: &Session) 
     };
     let RimBlur { sigma_px, uncertainty_px, wavelength_nm } = found;
     let is_named = nominal.blur.is_some_and(|blur| blur.wavelength_nm.is_some());
-    let of_light = match wavelength_nm {
+    let of_light = match wavelength_nm.map(|nm| nm * nominal.stands_for_index()) {
         Some(nm) if is_named => format!("beyond diffraction at {nm:.0} nm"),
         Some(nm) => format!("beyond diffraction, which the rims show; at {nm:.0} nm, unless --wavelength gives yours"),
         None => "all of it: the rims show no diffraction".to_string(),

@@ -21,6 +21,7 @@ pub fn lattice(arguments: &LatticeArguments, session: &mut Session) -> Result<Ve
     check_files(arguments, session)?;
     let mut nominal = Camera::open(&arguments.camera)?;
     if let Some(nm) = arguments.wavelength {
+        let nm = nominal.wavelength_of_nm(nm);
         nominal.blur.get_or_insert_default().wavelength_nm = Some(nm);
         nominal.check().map_err(|refusal| refusal.about("--wavelength"))?;
     }

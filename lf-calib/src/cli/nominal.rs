@@ -2,7 +2,8 @@
 
 use super::{arguments::NominalArguments, files::with_history};
 use lf_calib::{Advice, DataSheet, LightSheet, Liquid, advice, light_sheet, sheet_warnings};
-use lf_core::{Camera, Error, Refusal, Result, Session, Verdict, camera::Medium, io};
+use lf_core::camera::{Medium, STANDS_FOR};
+use lf_core::{Camera, Error, Refusal, Result, Session, Verdict, io};
 use serde_json::json;
 
 pub fn nominal(arguments: &NominalArguments, session: &mut Session) -> Result<Verdict> {
@@ -75,7 +76,7 @@ fn record(arguments: &NominalArguments, advice: &Advice) -> serde_json::Value {
         "target_spacing_mm": advice.dots_mm[0],
     });
     if let Some(index) = arguments.water.filter(|_| !arguments.exact) {
-        record["stands_in_air_for_index"] = json!(index);
+        record[STANDS_FOR] = json!(index);
     }
     record
 }

@@ -40,6 +40,7 @@ fn report(found: &Refined, frames: &[Evidence], session: &mut Session) {
     for one in &found.corrected {
         session.say(format!("the {}", one.words()));
         session.count(one.parameter.key, vec![one.step, one.std]);
+        one.doubt().into_iter().for_each(|doubt| session.warn(doubt));
     }
     if found.corrected.is_empty() {
         session.say("the particles show no error of the camera");

@@ -93,7 +93,8 @@ impl DataSheet {
 ///
 /// In the liquid, a depth Z is Z / n deep for the lens: `beta = s_i / (s_o - Z / n) = n s_i / (n s_o - Z)`. So all
 /// lengths along the axis grow by n: the focal lengths of the lens and of the lenslets, the gap, and the distance of
-/// the exit pupil. The stop keeps its size, so the f-number grows by n too. The magnification is the same.
+/// the exit pupil. The stop keeps its size, so the f-number grows by n too. The magnification is the same. The spot of
+/// diffraction, which is the wavelength times the gap over the pitch, stays by a wavelength that is shorter by n.
 pub fn in_air(camera: &Camera, index: f64) -> Camera {
     let mut camera = camera.clone();
     // Twelve digits: 200 mm times 1.333 are 266.6 mm, and not 266.59999999999997.
@@ -104,6 +105,9 @@ pub fn in_air(camera: &Camera, index: f64) -> Camera {
     camera.main_lens.working_f_number = grown(camera.main_lens.working_f_number);
     camera.microlenses.focal_length_mm = grown(camera.microlenses.focal_length_mm);
     camera.microlenses.gap_mm = camera.microlenses.gap_mm.map(grown);
+    if let Some(nm) = camera.blur.as_mut().and_then(|blur| blur.wavelength_nm.as_mut()) {
+        *nm /= index;
+    }
     camera.medium = None;
     camera
 }
@@ -134,8 +138,12 @@ pub(crate) mod tests {
     #[test]
     fn a_camera_in_air_sees_the_paraxial_rays_of_one_before_water() {
         let medium = Medium { index: 1.333, window_z_mm: 80.0, window_thickness_mm: 10.0, window_index: 1.5 };
-        let exact = Optics::new(&seed().camera(Some(&Liquid::Exact(medium))).unwrap());
-        let equivalent = Optics::new(&seed().camera(Some(&Liquid::InAir { index: 1.333 })).unwrap());
+        let sheet = DataSheet { wavelength_nm: Some(532.0), ..seed() };
+        let before = sheet.camera(Some(&Liquid::Exact(medium))).unwrap();
+        let in_air = sheet.camera(Some(&Liquid::InAir { index: 1.333 })).unwrap();
+        let [spot_px, same_px] = [&before, &in_air].map(|camera| camera.diffraction().unwrap().unit_px);
+        assert!((spot_px - same_px).abs() < 1e-9 && spot_px > 0.3, "{spot_px} {same_px}");
+        let [exact, equivalent] = [&before, &in_air].map(Optics::new);
         for z in [-5.0, 0.0, 3.0] {
             for (object, aperture) in [(0.02, 0.1), (-0.03, 0.2), (0.01, -0.3)] {
                 let [object, aperture] = [object, aperture].map(|x| DVec2::new(x, 0.5 * x));

@@ -82,11 +82,12 @@ pub fn rims(white: &Array2<f32>, camera: &Camera, lattice: &ImageLattice) -> Rim
     let Some(mut edge) = iris.or(round) else { return Rims::default() };
     let mut wavelength_nm = blur.wavelength_nm;
     if wavelength_nm.is_none() && edge.blur().is_some() {
-        let green = Blur { wavelength_nm: Some(GREEN_NM), ..blur };
+        let green_nm = Some(camera.wavelength_of_nm(GREEN_NM));
+        let green = Blur { wavelength_nm: green_nm, ..blur };
         cell.set_light(&Camera { blur: Some(green), ..camera.clone() });
         let other = SoftEdge::nearest(&cell, Edge { variance_px2: START_PX2, ..edge.edge });
         if let Some(other) = other.filter(|other| other.squares() < edge.squares() && other.blur().is_some()) {
-            (edge, wavelength_nm) = (other, Some(GREEN_NM));
+            (edge, wavelength_nm) = (other, green_nm);
         }
     }
     let Edge { half_px, blades, aside_px, .. } = edge.edge;

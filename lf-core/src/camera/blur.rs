@@ -5,6 +5,9 @@ use crate::lattice::Layout;
 use glam::DVec2;
 use std::f64::consts::PI;
 
+/// Key of the index in `calibration.nominal`.
+pub const STANDS_FOR: &str = "stands_in_air_for_index";
+
 /// Diffraction pattern of a lenslet on the sensor, which sees the far field of the lenslet's cell: a square with its
 /// sides along the axes of the lattice, or a hexagon with two of its sides across the x axis.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -44,6 +47,19 @@ impl Diffraction {
 }
 
 impl Camera {
+    /// The wavelength that stands in this camera for light of a wavelength in air, nm. A camera that stands in air for
+    /// one before a liquid (`lf-calib nominal --water`) has lenslets whose focal lengths are longer by the liquid's
+    /// index, but spots that are as small as before. `calibration.nominal` names the index.
+    pub fn wavelength_of_nm(&self, in_air_nm: f64) -> f64 {
+        in_air_nm / self.stands_for_index()
+    }
+
+    /// The index of the liquid that this camera stands in air for; 1 without one.
+    pub fn stands_for_index(&self) -> f64 {
+        let of = |calibration: &serde_json::Value| calibration["nominal"][STANDS_FOR].as_f64();
+        self.calibration.as_ref().and_then(of).filter(|index| *index > 0.0).unwrap_or(1.0)
+    }
+
     /// The diffraction pattern of a lenslet; None without a wavelength.
     pub fn diffraction(&self) -> Option<Diffraction> {
         let wavelength_mm = self.blur?.wavelength_nm? * 1e-6;

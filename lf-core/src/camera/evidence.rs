@@ -3,7 +3,8 @@
 //!
 //! Magnification and focal lengths scale places and depths, which no particle shows. Field curvature moves depths too,
 //! and of astigmatism only a little is left when depths follow: dots find them (`lf-calib volume`). A sensor beyond the
-//! focus of the lenslets shows where in a lenslet light arrives. White images see such a gap as another f-number.
+//! focus of the lenslets shows where in a lenslet light arrives, but so do lenslets of another focal length, which leave
+//! depths as they are. White images see such a gap as another f-number.
 
 use super::model::{Aberrations, Camera, Tilt};
 use crate::lattice::{Centres, terms};
@@ -70,6 +71,9 @@ pub const PARAMETERS: [Parameter; COUNT] = [
     of(What::Departure(1, 4), "departure of the lenslets along y with y^2", "centres_y_with_yy_px", "px"),
 ];
 
+/// [`What::Gap`] of a camera whose file gives the gap.
+const FOCUS: Parameter = of(What::Gap, "1 / focal_length_mm of the lenslets", "lenslet_focus_percent", "%");
+
 /// The powers of x and y in each term of a departure of the second degree.
 const POWERS: [[i32; 2]; terms(2)] = [[1, 0], [0, 1], [2, 0], [1, 1], [0, 2]];
 
@@ -100,6 +104,8 @@ impl Parameter {
                 blur.sigma_px = (blur.sigma_px + by).max(0.0);
             }
             What::FNumber => camera.main_lens.working_f_number *= 1.0 + 0.01 * by,
+            // A gap that the file gives was measured; without it, it is the focal length of a data sheet.
+            What::Gap if camera.microlenses.gap_mm.is_some() => camera.microlenses.focal_length_mm /= 1.0 + 0.01 * by,
             What::Gap => {
                 // White images have shown the width and the pitch of the lenslet images.
                 let growth = 1.0 + camera.image_growth();
@@ -172,6 +178,8 @@ impl Correction {
     /// A correction by a step and its standard uncertainty in pixels.
     pub fn new(parameter: Parameter, camera: &Camera, step_px: f64, std_px: f64) -> Self {
         let scale = parameter.per_px(camera);
+        let is_known = parameter.what == What::Gap && camera.microlenses.gap_mm.is_some();
+        let parameter = if is_known { FOCUS } else { parameter };
         Self { parameter, step: step_px * scale, std: std_px * scale }
     }
 
@@ -181,6 +189,20 @@ impl Correction {
         let how = if self.step > 0.0 { "small" } else { "large" };
         let digits = if self.std > 0.0 { (1.0 - self.std.log10().floor()).clamp(0.0, 9.0) as usize } else { 3 };
         format!("{name} is {:.digits$} +- {:.digits$} {unit} too {how}", self.step.abs(), self.std)
+    }
+
+    /// What else looks the same in images of particles, if it leads to other depths.
+    pub fn doubt(&self) -> Option<String> {
+        let other = match self.parameter {
+            FOCUS => "gap_mm that is as much off",
+            Parameter { what: What::Gap, .. } => "focal length of the lenslets that is as much off",
+            _ => return None,
+        };
+        Some(format!(
+            "a {other}, or spherical aberration of the lenslets, looks the same, and depths would be {:.1} % off: dots show \
+             which it is (lf-calib volume)",
+            self.step.abs()
+        ))
     }
 }
 

@@ -64,7 +64,7 @@ mod second_stop;
 pub use crate::lattice::{Layout, Microlenses};
 pub(crate) use aberrations::RayAberrations;
 pub use blades::Blades;
-pub use blur::Diffraction;
+pub use blur::{Diffraction, STANDS_FOR};
 pub use derived::ALIGNED_PX;
 pub use evidence::{COUNT, Correction, EXPLAINED, Evidence, PARAMETERS, Parameter, stepped};
 pub use model::{

@@ -402,10 +402,10 @@ fn a_camera_that_does_not_explain_the_image_is_corrected() {
     type Change = fn(&mut Camera, f64);
     let wrong: [(&str, f64, Change); 4] = [
         ("f_number_percent", 5.0, |camera, by| camera.main_lens.working_f_number *= 1.0 + 0.01 * by),
-        // White images show the width of lenslet images, which the f-number and the gap determine together.
-        ("gap_percent", 3.0, |camera, by| {
-            camera.microlenses.gap_mm = Some(camera.gap_mm() * (1.0 + 0.01 * by));
-            camera.main_lens.working_f_number *= 1.0 + 0.01 * by;
+        // A gap that is given counts as measured.
+        ("lenslet_focus_percent", 3.0, |camera, by| {
+            camera.microlenses.gap_mm = Some(camera.gap_mm());
+            camera.microlenses.focal_length_mm /= 1.0 + 0.01 * by;
         }),
         ("pitch_percent", 0.2, |camera, by| camera.microlenses.pitch_mm *= 1.0 + 0.01 * by),
         ("rotation_mrad", 3.0, |camera, by| camera.microlenses.rotation_rad += 0.001 * by),
@@ -419,6 +419,7 @@ fn a_camera_that_does_not_explain_the_image_is_corrected() {
         assert!(said.contains("the camera does not explain the image: the "), "{said}");
         assert!(said.contains("too large; the fit corrects it") && !said.contains("noise does not"), "{said}");
         assert_eq!(said.contains("--vignetting"), key == "f_number_percent", "{said}");
+        assert_eq!(said.contains("gap_mm that is as much off"), key == "lenslet_focus_percent", "{said}");
         let counts = bench.json("stats.json")["counts"].clone();
         let [step, std] = [0, 1].map(|n| counts[key][n].as_f64().unwrap());
         assert!((step / off + 1.0).abs() < 0.06 && std < 0.02 * off, "{key}: {step} +- {std}");
@@ -431,6 +432,28 @@ fn a_camera_that_does_not_explain_the_image_is_corrected() {
         let turn = out.microlenses.rotation_rad - truth.microlenses.rotation_rad;
         assert!(f_number.abs() < 0.012 && pitch.abs() < 1e-5 && turn.abs() < 2e-4, "{key}: {f_number} {pitch} {turn}");
     }
+}
+
+/// A sensor beyond the focus of the lenslets: the fit finds the gap, and says what else it may be.
+#[test]
+fn a_gap_that_no_file_gives_is_found() {
+    let bench = bench(&["camera.microlenses.gap_mm=0.31724"]);
+    let mut camera = Camera::open(&bench.path("scene/camera.json")).unwrap();
+    let off = camera.gap_mm() / camera.microlenses.focal_length_mm;
+    // White images show the width of lenslet images, which the f-number and the gap determine together.
+    camera.main_lens.working_f_number /= off;
+    camera.microlenses.gap_mm = None;
+    bench.write("off.json", camera.to_json());
+    let call = CALL.replace("scene/camera.json", "off.json");
+    let said = bench.done(&format!("{call} --particles found.csv --stats stats.json --camera-out out.json")).stderr;
+    let words = ["the gap between lenslets and sensor", "focal length of the lenslets that is as much off"];
+    assert!(words.iter().all(|words| said.contains(words)) && !said.contains("noise does not"), "{said}");
+    let [step, std] = [0, 1].map(|n| bench.json("stats.json")["counts"]["gap_percent"][n].as_f64().unwrap());
+    assert!((step / (100.0 * (off - 1.0)) - 1.0).abs() < 0.06 && std < 0.06, "{step} +- {std}");
+    let (particles, found) = (table(&bench, "scene/particles.csv"), table(&bench, "found.csv"));
+    assert!(matched(&particles, &found).len() as f64 >= 0.95 * particles.len() as f64);
+    let out = Camera::open(&bench.path("out.json")).unwrap();
+    assert!((out.gap_mm() / camera.microlenses.focal_length_mm - off).abs() < 2e-3, "{}", out.gap_mm());
 }
 
 /// With the camera held, it is said that noise does not explain the image. chi2 shows it where the noise is right, and

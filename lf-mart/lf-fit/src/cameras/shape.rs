@@ -21,8 +21,8 @@ pub(crate) const LEAST_PX: f64 = 0.02;
 const SIZES_PX: [f64; 2] = [0.15, 5.0];
 /// Smallest and largest blur, pixels. A smaller one cannot be seen, and has no slope to grow by.
 const BLURS_PX: [f64; 2] = [0.05, 3.0];
-/// The blur that is tried where no camera file names one.
-const UNNAMED: Blur = Blur { sigma_px: 0.15, wavelength_nm: Some(GREEN_NM) };
+/// Standard deviation of the blur that is tried where no camera file names one, pixels. Its light is green.
+const UNNAMED_PX: f64 = 0.15;
 
 /// Size, drift and blur, pixels: of the focal plane, and of the sensor.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -88,7 +88,7 @@ impl Shape {
 
     /// The shape from which the blur of a camera that names none is searched.
     pub(crate) fn blurred(&self) -> Self {
-        Self { blur_px: Some(UNNAMED.sigma_px), ..*self }
+        Self { blur_px: Some(UNNAMED_PX), ..*self }
     }
 
     /// The unknowns that stand at an end of their range, with the end, px.
@@ -113,7 +113,9 @@ impl Shape {
         let [_, steps @ ..] = Self { blur_px: None, ..*self }.values();
         let mut moved = stepped(camera, PARAMETERS.iter().zip(steps));
         if let Some(sigma_px) = self.blur_px {
-            moved.blur = Some(Blur { sigma_px, ..camera.blur.unwrap_or(UNNAMED) });
+            let green_nm = camera.wavelength_of_nm(GREEN_NM);
+            let wavelength_nm = camera.blur.map_or(Some(green_nm), |blur| blur.wavelength_nm);
+            moved.blur = Some(Blur { sigma_px, wavelength_nm });
         }
         moved
     }

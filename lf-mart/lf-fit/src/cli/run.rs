@@ -169,15 +169,14 @@ fn warn_of_model(found: &Fit, session: &mut Session) {
         let each: Vec<String> = corrected.iter().map(|one| format!("the {}", one.words())).collect();
         // Light that falls towards the rim of the stop looks like a smaller one.
         let is_shaded = flat.is_none() && corrected.iter().any(|one| one.parameter.key.starts_with("f_number"));
-        let shading = if is_shaded {
-            "; light that falls towards the rim of the stop looks the same: give the camera a flat field (lf-calib lattice \
-             --vignetting)"
-        } else {
-            ""
-        };
+        let shading = "light that falls towards the rim of the stop looks the same: give the camera a flat field (lf-calib \
+                       lattice --vignetting)";
+        let doubts =
+            is_shaded.then(|| shading.to_owned()).into_iter().chain(corrected.iter().filter_map(Correction::doubt));
+        let doubts: String = doubts.map(|doubt| format!("; {doubt}")).collect();
         session.warn(format!(
             "the camera does not explain the image: {}; the fit corrects it; write the camera with --camera-out, and begin \
-             again with it{shading}; --hold camera keeps what is given",
+             again with it{doubts}; --hold camera keeps what is given",
             each.join(", ")
         ));
     }
