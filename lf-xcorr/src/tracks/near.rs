@@ -2,7 +2,7 @@
 
 use super::buckets::Buckets;
 use super::matching::Pair;
-use super::process::{Process, Sites};
+use super::process::{Process, Scales, Sites};
 use super::scales::{ScaleField, Usual};
 use crate::vectors::Nodes;
 use glam::{DMat3, DVec3};
@@ -14,6 +14,8 @@ const PAIRS: usize = 24;
 const PAIRS_OF_SCALES: usize = 30;
 /// Constant: a pair is wrong beyond this squared Mahalanobis distance from the displacement that its neighbours give.
 const WRONG: f64 = 25.0;
+/// Constant: a pair is a suspect beyond this one.
+const SUSPECT: f64 = 10.0;
 /// Constant: quantiles between which pairs are counted for their density.
 const INNER: [f64; 2] = [0.01, 0.99];
 
@@ -75,19 +77,24 @@ impl<'a> Near<'a> {
         ScaleField::new(nodes, self.usual, near, |pairs| self.sites(pairs), before)
     }
 
-    /// The pairs that their neighbours do not contradict.
+    /// The pairs that their neighbours do not contradict. A wrong pair makes the flow about it look rough, and then
+    /// contradicts nothing: the scales about a suspect are those without it.
     pub fn without_wrong(self, scales: &ScaleField) -> Self {
         let is_right = |n: &usize| {
             let pair = &self.pairs[*n];
-            let mut near = self.nearest(pair.middle_mm, PAIRS + 1);
+            let mut near = self.nearest(pair.middle_mm, PAIRS_OF_SCALES + 1);
             near.retain(|other| other != n);
-            let sites = self.sites(&near);
-            let known = scales.at(pair.middle_mm);
-            let Some(process) = Process::new(&sites, known) else { return true };
-            let (shift, covariance) = process.at(pair.middle_mm);
-            let rest = pair.shift_mm - shift;
-            let total = covariance + known.misfit * known.misfit * pair.covariance_mm2;
-            rest.dot(total.inverse() * rest) < WRONG
+            let distance2 = |scales: Scales| {
+                let sites = self.sites(&near[..PAIRS.min(near.len())]);
+                let process = Process::new(&sites, scales)?;
+                let (shift, covariance) = process.at(pair.middle_mm);
+                let rest = pair.shift_mm - shift;
+                let total = covariance + scales.misfit * scales.misfit * pair.covariance_mm2;
+                Some(rest.dot(total.inverse() * rest))
+            };
+            let is_below = |most: f64, scales| distance2(scales).is_none_or(|distance2| distance2 < most);
+            is_below(SUSPECT, scales.at(pair.middle_mm))
+                || is_below(WRONG, Scales::likeliest(&self.sites(&near), self.usual))
         };
         let trusted: Vec<usize> = self.trusted.par_iter().filter(|n| is_right(n)).copied().collect();
         Self::of(self.pairs, if trusted.is_empty() { self.trusted } else { trusted }, self.usual)

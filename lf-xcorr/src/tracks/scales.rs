@@ -78,6 +78,13 @@ impl ScaleField {
     }
 }
 
+impl Scales {
+    /// The scales under which some displacements are most likely.
+    pub fn likeliest(sites: &Sites, usual: Usual) -> Self {
+        scales(likeliest(sites, usual).map(f64::exp))
+    }
+}
+
 fn scales(logs: [f64; NUMBERS]) -> Scales {
     Scales { length: DVec3::from_slice(&logs), strength: DVec3::from_slice(&logs[3..]), misfit: logs[6] }
 }
