@@ -48,9 +48,9 @@ fn water_gives_a_longer_camera_in_air_or_a_medium() {
         Camera::from_json(&run.text()).unwrap()
     };
     let air = camera("--water");
+    assert!((air.wavelength_of_nm(533.2) - 400.0).abs() < 1e-9);
     assert_eq!((air.main_lens.focal_length_mm, air.main_lens.working_f_number), (266.6, 5.332));
     assert_eq!((air.microlenses.focal_length_mm, air.medium), (0.410_564, None));
-    assert!((air.wavelength_of_nm(533.2) - 400.0).abs() < 1e-9);
     let exact = camera("--water 1.4 --window 18cm,20mm,1.49 --exact");
     let medium = exact.medium.unwrap();
     assert_eq!((medium.index, medium.window_z_mm, medium.window_thickness_mm), (1.4, 180.0, 20.0));

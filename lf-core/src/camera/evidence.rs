@@ -3,8 +3,8 @@
 //!
 //! Magnification and focal lengths scale places and depths, which no particle shows. Field curvature moves depths too,
 //! and of astigmatism only a little is left when depths follow: dots find them (`lf-calib volume`). A sensor beyond the
-//! focus of the lenslets shows where in a lenslet light arrives, but so do lenslets of another focal length, which leave
-//! depths as they are. White images see such a gap as another f-number.
+//! focus of the lenslets shows where in a lenslet light arrives. Lenslets of another focal length show the same, and
+//! leave depths as they are. White images see such a gap as another f-number.
 
 use super::model::{Aberrations, Camera, Tilt};
 use crate::lattice::{Centres, terms};
@@ -191,7 +191,7 @@ impl Correction {
         format!("{name} is {:.digits$} +- {:.digits$} {unit} too {how}", self.step.abs(), self.std)
     }
 
-    /// What else looks the same in images of particles, if it leads to other depths.
+    /// Another error that looks the same in images of particles, and leads to other depths.
     pub fn doubt(&self) -> Option<String> {
         let other = match self.parameter {
             FOCUS => "gap_mm that is as much off",

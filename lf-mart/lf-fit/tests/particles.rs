@@ -124,7 +124,8 @@ fn sizes_that_differ_are_found_and_make_no_ghosts() {
     }
     let [held, own] = sums.map(|[all, matched, found]| [matched, found].map(|count| count as f64 / all as f64));
     assert!(own[0] >= 0.97 && own[1] <= 1.02, "{own:?}");
-    assert!(held[0] < 0.95, "{held:?}");
+    // A particle near the focus that is off by the width of its stated uncertainty counts as found.
+    assert!(held[0] < own[0] - 0.03, "{held:?} {own:?}");
 }
 
 /// The lattice of the camera is off by a fifth of a pixel: the fit finds it, says so and writes the right camera.

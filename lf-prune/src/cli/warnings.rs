@@ -84,8 +84,8 @@ pub fn warn(
         let cause = if noise >= 0.9 * options.threshold {
             format!("the noise is {:.1} % of the brightest pixel, as much as the threshold", 100.0 * noise)
         } else {
-            "nearly every line of sight is bright; lower the density of particles, raise --threshold, or subtract a \
-             background with -b"
+            "nearly every line of sight is bright; if it is haze, subtract it with -b (lf-calib background --haze); if it is \
+             particles, raise --threshold or take fewer of them"
                 .to_string()
         };
         session.warn(format!("{share:.1} % of the voxels are kept, so lf-mart is slow and gains nothing: {cause}"));

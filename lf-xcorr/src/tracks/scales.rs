@@ -49,8 +49,8 @@ pub(crate) struct Usual {
 }
 
 impl ScaleField {
-    /// `near` gives the pairs about a place by their numbers, and `sites` what they measure. Nodes whose pairs are as in
-    /// `before` keep their scales.
+    /// `near` gives the pairs about a place by their numbers, and `sites` what they measure. Nodes whose pairs are as
+    /// in `before` keep their scales.
     pub fn new(
         nodes: Nodes,
         usual: Usual,

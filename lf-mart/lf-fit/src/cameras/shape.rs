@@ -93,8 +93,10 @@ impl Shape {
 
     /// The unknowns that stand at an end of their range, with the end, px.
     pub fn at_bounds(&self) -> Vec<(&'static str, f64)> {
-        let size = SIZES_PX.iter().find(|end| self.sigma_px == **end).map(|end| ("size", *end));
-        let blur = self.blur_px.filter(|px| *px == BLURS_PX[1]).map(|px| ("blur", px));
+        // Means of steps and of logarithms end beside it by rounding.
+        let is_at = |px: f64, end: f64| (px / end - 1.0).abs() < 1e-6;
+        let size = SIZES_PX.iter().find(|end| is_at(self.sigma_px, **end)).map(|end| ("size", *end));
+        let blur = self.blur_px.filter(|px| is_at(*px, BLURS_PX[1])).map(|px| ("blur", px));
         size.into_iter().chain(blur).collect()
     }
 

@@ -199,7 +199,8 @@ fn warn_of_model(found: &Fit, session: &mut Session) {
         let stopped = if is_stopped { "; more particles did not help, so none were added" } else { "" };
         session.warn(format!(
             "noise does not explain the image: {how_far}{stopped}; uncertainties are {:.2} times as large for it; check \
-             the camera (lf-calib lattice, refine), its blur and the background",
+             the camera (lf-calib lattice, refine), its blur and the background, which may be haze (lf-calib background \
+             --haze)",
             excess.sqrt()
         ));
     }

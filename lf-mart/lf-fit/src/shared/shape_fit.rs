@@ -19,8 +19,9 @@ use rayon::prelude::*;
 const AT_ONCE: usize = 64;
 /// Longest step, pixels.
 const STEP_PX: f64 = 0.1;
-/// Largest number of steps.
+/// Largest number of shorter steps, and of all steps: an error of several pixels is followed to its end.
 const STEPS: usize = 10;
+const ALL_STEPS: usize = 100;
 /// The fit ends if a step needs more damping than this.
 const MOST_DAMPING: f64 = 10.0;
 /// The fit ends if every unknown moves by less than this share of its uncertainty.
@@ -47,8 +48,10 @@ impl Sample<'_> {
         let mut damping = DAMPING;
         let mut std = [f64::INFINITY; SHAPES];
         let mut is_settled = false;
-        for _ in 0..STEPS {
+        let mut shorter = 0;
+        for _ in 0..ALL_STEPS {
             let Step { shape: step, moves, std: found } = self.step(&state, damping, &mut buffers);
+            shorter += usize::from(!step.iter().any(|step| step.abs() == STEP_PX));
             if !step.iter().all(|step| step.is_finite()) {
                 damping *= MORE;
                 continue;
@@ -77,7 +80,7 @@ impl Sample<'_> {
                 damping *= MORE;
             }
             buffers.spare.extend(next.parts.into_iter().rev().map(|part| part.by_shape));
-            if is_settled || damping > MOST_DAMPING {
+            if is_settled || damping > MOST_DAMPING || shorter == STEPS {
                 break;
             }
         }
