@@ -8,8 +8,9 @@ use std::f64::consts::PI;
 /// Key of the index in `calibration.nominal`.
 pub const STANDS_FOR: &str = "stands_in_air_for_index";
 
-/// Diffraction pattern of a lenslet on the sensor, which sees the far field of the lenslet's cell: a square with its
-/// sides along the axes of the lattice, or a hexagon with two of its sides across the x axis.
+/// Diffraction pattern of a lenslet on the sensor, which in collimated light sees the far field of the lenslet's cell:
+/// a square with its sides along the axes of the lattice, or a hexagon with two of its sides across the x axis. Light
+/// that converges behind the array makes Fresnel's fringes too, which this leaves out.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Diffraction {
     /// Layout of the lattice, which gives the cell its shape.

@@ -1,5 +1,6 @@
-//! Blur on the sensor: diffraction by a lenslet's rim, and a Gaussian. A sensor at the focal length sees the far field
-//! of the lenslet's cell.
+//! Blur on the sensor: diffraction by a lenslet's rim, and a Gaussian. In collimated light a sensor at the focal length
+//! sees the far field of the lenslet's cell. The light of a particle converges behind the array, and near focus it
+//! makes Fresnel's fringes, which this leaves out.
 
 use glam::DVec2;
 use lf_core::{Camera, camera::Layout, halo::sinc};
