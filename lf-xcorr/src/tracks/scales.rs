@@ -100,30 +100,27 @@ fn directions() -> impl Iterator<Item = [f64; NUMBERS]> {
     alone.chain(TOGETHER.map(|powers| of(powers, [1.0; 3])))
 }
 
-/// Logarithm of the likelihood of some displacements, with what is expected of scales.
-fn likelihood(sites: &Sites, usual: Usual, logs: &[f64; NUMBERS]) -> f64 {
-    let lengths: f64 = logs[..3].iter().map(|log| ((log - (LENGTH * usual.apart).ln()) / SPREAD).powi(2)).sum();
-    let misfit = (logs[NUMBERS - 1] / MISFIT_SPREAD).powi(2);
-    let process = Process::new(sites, scales(logs.map(f64::exp)));
-    process.map_or(f64::NEG_INFINITY, |process| process.log_likelihood() - 0.5 * (lengths + misfit))
-}
-
 /// The scales under which the displacements are most likely, found direction by direction in factors of two.
 fn likeliest(sites: &Sites, usual: Usual) -> [f64; NUMBERS] {
     let count = sites.shifts.len().max(1) as f64;
     let mean = sites.shifts.iter().sum::<DVec3>() / count;
     let spread = (sites.shifts.iter().map(|shift| (*shift - mean).powf(2.0)).sum::<DVec3>() / count).map(f64::sqrt);
     let low = (WEAKEST * usual.uncertain).ln();
+    let length = (LENGTH * usual.apart).ln();
     let lengths = LENGTHS.map(|length| (length * usual.apart).ln());
     let high = (STRONGEST * spread.max_element()).ln().max(low);
-    let start = spread.to_array().map(|spread| spread.ln().clamp(low, high));
-    let length = (LENGTH * usual.apart).ln();
+    let likelihood = |logs: &[f64; NUMBERS]| {
+        let far2: f64 = logs[..3].iter().map(|log| ((log - length) / SPREAD).powi(2)).sum();
+        let far2 = far2 + (logs[NUMBERS - 1] / MISFIT_SPREAD).powi(2);
+        Process::new(sites, scales(logs.map(f64::exp)))
+            .map_or(f64::NEG_INFINITY, |process| process.log_likelihood() - 0.5 * far2)
+    };
+    let [x, y, z] = spread.to_array().map(|spread| spread.ln().clamp(low, high));
     let bounds = [lengths, lengths, lengths, [low, high], [low, high], [low, high], MISFITS.map(f64::ln)];
     // Start from a flow that changes much, and from an even one whose pairs scatter more than they state.
-    let [x, y, z] = start;
     let starts = [[length, length, length, x, y, z, 0.0], [length, length, length, low, low, low, LN_2]];
     let mut known = Vec::new();
-    let mut score = |logs: &[f64; NUMBERS]| looked_up(&mut known, logs, |logs| likelihood(sites, usual, logs));
+    let mut score = |logs: &[f64; NUMBERS]| looked_up(&mut known, logs, likelihood);
     let [(changing, one), (even, other)] = starts.map(|start| climbed(start, bounds, &mut score));
     if other > one { even } else { changing }
 }
