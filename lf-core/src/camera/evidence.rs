@@ -310,7 +310,14 @@ mod tests {
 
     #[test]
     fn steps_add_up_and_go_back() {
-        let given = seed(40, Aperture::Circle, Layout::Square, 0.003);
+        let mut given = seed(40, Aperture::Circle, Layout::Square, 0.003);
+        let gap = PARAMETERS.iter().find(|parameter| parameter.what == What::Gap).unwrap();
+        let [before, after] = [given.clone(), stepped(&given, [(gap, 0.3)])].map(|camera| camera.microlenses);
+        assert!(after.gap_mm.unwrap() > before.focal_length_mm && after.focal_length_mm == before.focal_length_mm);
+        // A gap that is given stays, and the way back is that of the focal length.
+        given.microlenses.gap_mm = Some(given.gap_mm());
+        let after = stepped(&given, [(gap, 0.3)]).microlenses;
+        assert!(after.gap_mm == given.microlenses.gap_mm && after.focal_length_mm < before.focal_length_mm);
         for parameter in PARAMETERS.iter().filter(|parameter| parameter.key != "blur_px") {
             let moved = stepped(&given, [(parameter, 0.3)]);
             assert_ne!(moved, given, "{}", parameter.key);
