@@ -134,7 +134,7 @@ mod tests {
         for layout in [Layout::Square, Layout::Hexagonal] {
             let mut camera = seed(40, Aperture::Square, layout, 0.1);
             assert!(Halo::new(&camera).is_none());
-            camera.blur = Some(Blur { sigma_px: 0.0, wavelength_nm: Some(532.0) });
+            camera.blur = Some(Blur { sigma_px: 0.0, wavelength_nm: Some(532.0), ..Blur::default() });
             let halo = Halo::new(&camera).unwrap();
             let mut light = vec![0f32; 61 * 61];
             light[30 * 61 + 30] = halo.middle_share() as f32;
@@ -149,7 +149,7 @@ mod tests {
     #[test]
     fn a_corner_keeps_to_the_sensor() {
         let mut camera = seed(40, Aperture::Square, Layout::Square, 0.0);
-        camera.blur = Some(Blur { sigma_px: 0.0, wavelength_nm: Some(532.0) });
+        camera.blur = Some(Blur { sigma_px: 0.0, wavelength_nm: Some(532.0), ..Blur::default() });
         let halo = Halo::new(&camera).unwrap();
         let mut light = vec![0f32; 5 * 4];
         light[0] = 1.0;

@@ -14,7 +14,8 @@ pub fn set_blur(camera: &mut Camera, found: RimBlur) {
     if camera.blur.is_none() && !is_notable(found) {
         return;
     }
-    camera.blur = Some(Blur { sigma_px: found.sigma_px, wavelength_nm: found.wavelength_nm });
+    camera.blur =
+        Some(Blur { sigma_px: found.sigma_px, wavelength_nm: found.wavelength_nm, ..camera.blur.unwrap_or_default() });
     if let Some(lattice) = camera.calibration.as_mut().and_then(|calibration| calibration.get_mut("lattice")) {
         lattice["blur_sigma_px"] = found.sigma_px.into();
         lattice["standard_uncertainty"]["blur_sigma_px"] = found.uncertainty_px.into();

@@ -73,7 +73,7 @@ impl DataSheet {
             blades: None,
             second_stop: None,
             vignetting: None,
-            blur: self.wavelength_nm.map(|nm| Blur { sigma_px: 0.0, wavelength_nm: Some(nm) }),
+            blur: self.wavelength_nm.map(|nm| Blur { sigma_px: 0.0, wavelength_nm: Some(nm), ..Blur::default() }),
             sensor_noise: None,
             pose: None,
             calibration: None,

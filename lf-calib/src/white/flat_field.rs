@@ -144,7 +144,7 @@ mod tests {
         let mut camera = seed(10, Layout::Hexagonal);
         let middle = |camera: &Camera| predicted(camera).slice(ndarray::s![42..98, 42..98]).sum();
         let sharp = middle(&camera);
-        camera.blur = Some(Blur { wavelength_nm: Some(532.0), sigma_px: 0.4 });
+        camera.blur = Some(Blur { wavelength_nm: Some(532.0), sigma_px: 0.4, ..Blur::default() });
         let blurred = middle(&camera);
         assert!((blurred / sharp - 1.0).abs() < 0.005, "{blurred} {sharp}");
         let difference = &predicted(&camera) - &predicted(&seed(10, Layout::Hexagonal));

@@ -1,6 +1,6 @@
 //! Blur of the image on the sensor: diffraction at the lenslets, and a Gaussian for everything else.
 
-use super::model::Camera;
+use super::model::{Camera, LensletPattern};
 use crate::lattice::Layout;
 use glam::DVec2;
 use std::f64::consts::PI;
@@ -9,8 +9,7 @@ use std::f64::consts::PI;
 pub const STANDS_FOR: &str = "stands_in_air_for_index";
 
 /// Diffraction pattern of a lenslet on the sensor, which in collimated light sees the far field of the lenslet's cell:
-/// a square with its sides along the axes of the lattice, or a hexagon with two of its sides across the x axis. Light
-/// that converges behind the array makes Fresnel's fringes too, which this leaves out.
+/// a square with its sides along the axes of the lattice, or a hexagon with two of its sides across the x axis.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Diffraction {
     /// Layout of the lattice, which gives the cell its shape.
@@ -66,6 +65,11 @@ impl Camera {
         let wavelength_mm = self.blur?.wavelength_nm? * 1e-6;
         let per_aperture = wavelength_mm * self.gap_mm() / self.sensor.pixel_pitch_mm;
         Some(Diffraction { layout: self.microlenses.layout, unit_px: per_aperture / self.microlenses.pitch_mm })
+    }
+
+    /// The diffraction pattern of a lenslet, where a particle's light makes Fresnel's.
+    pub fn fresnel(&self) -> Option<Diffraction> {
+        self.diffraction().filter(|_| self.blur.is_some_and(|blur| blur.pattern == Some(LensletPattern::Fresnel)))
     }
 
     /// Standard deviation of the Gaussian that fits the middle of the whole blur, px; 0 for a sharp camera.

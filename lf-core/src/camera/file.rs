@@ -147,12 +147,14 @@ impl Camera {
 
     /// Refuses a blur that is not finite, and one that is wider than a quarter of a lenslet.
     fn check_blur(&self, blur: &Blur) -> Result<(), Refusal> {
-        let Blur { sigma_px, wavelength_nm } = *blur;
+        let Blur { sigma_px, wavelength_nm, pattern } = *blur;
         let is_length = sigma_px.is_finite() && sigma_px >= 0.0;
         Refusal::unless(is_length, || format!("blur.sigma_px is {sigma_px}"), "wanted 0 or more")?;
         let is_light = wavelength_nm.is_none_or(|nm| (100.0..=20_000.0).contains(&nm));
         let found = || format!("blur.wavelength_nm is {}", wavelength_nm.unwrap_or_default());
         Refusal::unless(is_light, found, "wanted 100 to 20000 nm, such as 532")?;
+        let is_seen = pattern.is_none() || wavelength_nm.is_some();
+        Refusal::unless(is_seen, || "blur.pattern without blur.wavelength_nm".to_string(), "wanted both")?;
         let (core_px, most_px) = (self.blur_core_px(), 0.25 * self.pitch_px());
         let found = || format!("the blur has a standard deviation of {core_px:.2} px");
         Refusal::unless(core_px <= most_px, found, format!("wanted at most a quarter of a lenslet, {most_px:.2} px"))

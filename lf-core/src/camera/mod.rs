@@ -68,7 +68,8 @@ pub use blur::{Diffraction, STANDS_FOR};
 pub use derived::ALIGNED_PX;
 pub use evidence::{COUNT, Correction, EXPLAINED, Evidence, PARAMETERS, Parameter, stepped};
 pub use model::{
-    Aberrations, Aperture, Blur, Camera, Distortion, GREEN_NM, MainLens, Medium, Sensor, SensorNoise, Telecentric, Tilt,
+    Aberrations, Aperture, Blur, Camera, Distortion, GREEN_NM, LensletPattern, MainLens, Medium, Sensor, SensorNoise,
+    Telecentric, Tilt,
 };
 pub use pose::Pose;
 pub use second_stop::{Disc, SecondStop};

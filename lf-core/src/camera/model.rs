@@ -204,6 +204,20 @@ pub struct Blur {
     /// Wavelength of the light, nm, which diffracts at the rim of each lenslet; absent, nothing diffracts.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub wavelength_nm: Option<f64>,
+    /// The pattern that a particle's light makes in each lenslet. Absent, it is the far field, and `lf-fit` may find
+    /// that Fresnel's explains its image better.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub pattern: Option<LensletPattern>,
+}
+
+/// The pattern of a lenslet that diffracts.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum LensletPattern {
+    /// Fresnel's, of light that converges behind the array, as that of a particle does.
+    Fresnel,
+    /// Fraunhofer's: the far field of the lenslet, which spreads its sharp image, as some simulators draw it.
+    Fraunhofer,
 }
 
 /// Noise of a pixel: its variance is `gain_counts * counts of light + read_noise_counts^2`.

@@ -54,7 +54,8 @@ impl<T: Listed> LensletImage<'_, T> {
     #[inline(always)]
     pub(super) fn is_inside_stop(&self, axes: &[Axis; 2], alpha: DVec2) -> bool {
         let View { corner, cell_radius, has_round_stop, ref optics, .. } = *self.view;
-        let (chief, reach) = (DVec2::new(axes[0].chief, axes[1].chief), REACH_SIGMA * self.spot_mm);
+        let fringes_mm = self.view.fringes_px() * (alpha.x * axes[0].per_slope).abs();
+        let (chief, reach) = (DVec2::new(axes[0].chief, axes[1].chief), REACH_SIGMA * self.spot_mm + fringes_mm);
         let far = match has_round_stop {
             true => (chief.length() + cell_radius + reach) / alpha.abs().min_element(),
             false => ((chief.abs() + corner + reach) / alpha.abs()).max_element(),
@@ -113,7 +114,7 @@ impl<T: Listed> LensletImage<'_, T> {
 
     /// Growth from the array to the sensor along both axes, px a mm, and its mean.
     #[inline(always)]
-    fn growths(axes: &[Axis; 2], alpha: DVec2) -> ([f64; 2], f64) {
+    pub(super) fn growths(axes: &[Axis; 2], alpha: DVec2) -> ([f64; 2], f64) {
         let growths = [0, 1].map(|n| axes[n].slope / alpha[n]);
         (growths, 0.5 * (growths[0] + growths[1]))
     }
@@ -160,15 +161,13 @@ impl<T: Listed> LensletImage<'_, T> {
     ) -> Option<Option<Patch>> {
         let (pictures, (axes, alpha)) = (self.view.pictures.as_ref()?, self.axes(line));
         let (is_whole, is_round) = (self.is_inside_stop(&axes, alpha), self.view.has_round_stop);
-        if self.beam.is_bent() || alpha.x == 0.0 || alpha.y == 0.0 || self.view.is_exact && !is_whole {
+        let is_exact = self.view.is_exact && !self.view.follows_waves();
+        if self.beam.is_bent() || alpha.x == 0.0 || alpha.y == 0.0 || is_exact && !is_whole {
             return None;
         }
         let (growths, growth) = Self::growths(&axes, alpha);
         let scale = growth.abs();
-        let blur_px = |scale: f64| {
-            let spot_px = self.spot_mm * scale;
-            (blur.sigma_px * blur.sigma_px + spot_px * spot_px).sqrt()
-        };
+        let blur_px = |scale: f64| blur.sigma_px.hypot(self.spot_mm * scale);
         if !pictures.has(scale, blur_px(scale)) {
             return None;
         }
@@ -178,7 +177,7 @@ impl<T: Listed> LensletImage<'_, T> {
         let Scratch { even, places, .. } = scratch;
         // Take the last picture, or that in the middle, which may serve all lenslets, or one of the own scale.
         let middle = [0, 1].map(|n| axes[n].zero + growths[n] * axes[n].chief);
-        let half = (self.view.optics.half_aperture_mm * axes[0].slope.abs()) as f32;
+        let half = (self.view.optics.half_aperture_mm * axes[0].slope.abs() - blur.rim_px()) as f32;
         let stop = Stop { middle: [0, 1].map(|n| (axes[n].zero - middle[n]) as f32), half, is_round };
         let depart = |other: f64| self.depart((growths, stop), (other, blur_px(other)), is_whole);
         let middles = (even.middle != even.scale).then_some(even.middle);

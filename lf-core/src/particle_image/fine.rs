@@ -27,7 +27,8 @@ use super::fine_sensor::FineSensor;
 use super::inside::{Eight, LEAST_VARIANCE, Passed, StopRim};
 use super::lenslet_image::{LensletImage, Listed, Patch, Scratch};
 use super::lenslet_lines::LensletLine;
-use super::pictures::LANES;
+use super::picture_means::PictureMeans;
+use super::pictures::{LANES, Pictures};
 use super::quantities::{LIGHT, PLACES, QUANTITIES};
 use super::sensor_blur::SensorBlur;
 use super::spots::Spots;
@@ -40,6 +41,8 @@ pub(super) const DARK: f32 = 1e-5;
 pub(super) const MOST_SHIFT: f32 = 3.0;
 /// Reach of spots and of K, in their standard deviations.
 const REACH: f32 = 3.5;
+/// Largest difference of the scales of a lenslet and its picture, as a share.
+const ALIKE: f64 = 0.005;
 /// Largest correction of the variance of a spot, over the variance.
 const MOST_STRETCH: f32 = 0.6;
 
@@ -53,6 +56,7 @@ struct Lenslet {
     /// The rest of the hits of bent rays.
     bend: Option<[[f32; TERMS]; 2]>,
     rim: StopRim,
+    rim_at: f32,
     /// The variance of K along both axes.
     kernel: [f32; 2],
     /// Half sides of the box around the cell, mm.
@@ -74,6 +78,17 @@ struct Lenslet {
     by_size: [f32; 2],
     /// Variance of the spot, mm^2.
     spot_mm2: f32,
+    waves: Option<Waves>,
+}
+
+/// Numbers of a lenslet that shows Fresnel's pattern.
+struct Waves {
+    /// Scale of the lenslet's picture, px on the sensor a mm on the array; None without one.
+    picture: Option<f32>,
+    /// Variance on the array of the middle of the far field, mm^2.
+    middle_mm2: f32,
+    /// From the curvature of a mean to its derivative by the blur, mm^2/px.
+    by_blur: f32,
 }
 
 /// The cell and the bumps at eight places in the stop.
@@ -99,16 +114,23 @@ impl<T: Listed> LensletImage<'_, T> {
     ) -> Option<Patch> {
         let sensor = &blur.fine;
         let (axes, alpha) = self.axes(line);
+        let has_waves = self.view.follows_waves();
         // Light beyond the sensor's edges comes back with the rest of the blur.
-        let around = Some((sensor.variance.sqrt() / sensor.parts as f64, sensor.reach));
+        let own_px = if has_waves { blur.sigma_px } else { sensor.variance.sqrt() / sensor.parts as f64 };
+        let around = Some((own_px, sensor.reach));
         let across = self.lit_around(0, &axes[0], alpha.x, around)?;
         let down = self.lit_around(1, &axes[1], alpha.y, around)?;
         let first = [across.0, down.0];
         let [columns, rows] = [across, down].map(|(first, end)| (end - first) as usize);
-        let lenslet = self.lenslet((blur.share, sensor), (&axes, alpha), (first, by_shift), sigma_mm);
+        let mut lenslet = self.lenslet((blur.share, sensor), (&axes, alpha), (first, by_shift), sigma_mm);
+        if let Some(pictures) = self.view.pictures.as_ref().filter(|_| has_waves) {
+            let growth = Self::growths(&axes, alpha).1.abs();
+            let of_picture = self.find_picture((blur, growth), (pictures, ladder), &mut scratch.even);
+            lenslet.follow_waves(blur, growth, of_picture);
+        }
         self.fill::<N>(&lenslet, ladder, (sensor, [columns, rows]), scratch);
         let wide = [columns + 2 * sensor.reach, rows + 2 * sensor.reach];
-        sensor.smooth(&mut scratch.fine, wide[1], N > PLACES);
+        sensor.smooth(&mut scratch.fine, wide[1], N > PLACES && !has_waves);
         self.hand_out::<N>((first, sensor.reach as i64), wide, scratch)
     }
 
@@ -143,6 +165,7 @@ impl<T: Listed> LensletImage<'_, T> {
             alpha: alpha * half,
             bend: rest.map(|rest| [0, 1].map(|n| rest.map(|term| term[n] as f32))),
             rim,
+            rim_at: 1.0,
             kernel: numbers(kernel),
             corner: numbers(view.corner),
             inside: numbers(inside),
@@ -157,7 +180,27 @@ impl<T: Listed> LensletImage<'_, T> {
                 .map(|n| [beam.chief_by[n].x as f32, beam.chief_by[n].y as f32, beam.alpha_by[n] as f32]),
             by_size: [beam.beta as f32, (sigma_mm * beam.beta_by_z) as f32],
             spot_mm2: (spot * spot) as f32,
+            waves: None,
         }
+    }
+
+    /// Finds the picture of a cell whose shadow grows by `growth` px a mm. Gives its own growth, or None without one.
+    #[inline(always)]
+    fn find_picture(
+        &self,
+        (blur, growth): (&SensorBlur, f64),
+        (pictures, ladder): (&Pictures, &Ladder<T>),
+        even: &mut PictureMeans,
+    ) -> Option<f64> {
+        let blur_px = blur.sigma_px.hypot(self.spot_mm * growth);
+        if !pictures.has(growth, blur_px) {
+            return None;
+        }
+        if (growth - even.scale).abs() > ALIKE * growth {
+            even.scale = growth;
+            pictures.fill(ladder, growth, blur_px, &mut even.picture);
+        }
+        Some(even.scale)
     }
 
     /// Fills the finer pixels.
@@ -169,13 +212,23 @@ impl<T: Listed> LensletImage<'_, T> {
         (sensor, [columns, rows]): (&FineSensor, [usize; 2]),
         scratch: &mut Scratch,
     ) {
-        let Scratch { fine: light, spots, .. } = scratch;
-        light.begin(sensor, [columns, rows], N.min(QUANTITIES - 1));
-        let round = lenslet.find(spots, light, (sensor.parts, [columns, rows]));
-        let sigma_mm = f64::from(lenslet.spot_mm2 + round).sqrt();
-        T::fill_means(ladder, sigma_mm, spots);
+        let Scratch { fine: light, spots, even, .. } = scratch;
+        // Waves give the derivative by the blur; else the rest of the blur does.
+        let count = if lenslet.waves.is_some() { N } else { N.min(QUANTITIES - 1) };
+        light.begin(sensor, [columns, rows], count);
+        let mut round = lenslet.find(spots, light, (sensor.parts, [columns, rows]));
+        match &lenslet.waves {
+            Some(Waves { picture: Some(scale), .. }) => {
+                round = sensor.variance as f32 / (scale * scale);
+                even.picture.fill_means(*scale, spots);
+            }
+            waves => {
+                let middle = waves.as_ref().map_or(0.0, |waves| waves.middle_mm2);
+                T::fill_means(ladder, f64::from(lenslet.spot_mm2 + round + middle).sqrt(), spots);
+            }
+        }
         lenslet.light::<N>(spots, round);
-        for (quantity, numbers) in spots.light.iter().enumerate().take(N.min(QUANTITIES - 1)) {
+        for (quantity, numbers) in spots.light.iter().enumerate().take(count) {
             light.set(quantity, &spots.at[..spots.count], numbers);
         }
     }
@@ -222,6 +275,19 @@ impl<T: Listed> LensletImage<'_, T> {
 }
 
 impl Lenslet {
+    /// Follows waves, for a shadow that grows by `growth` px a mm, by a picture of this scale.
+    fn follow_waves(&mut self, blur: &SensorBlur, growth: f64, picture: Option<f64>) {
+        let per_growth = if growth.is_finite() { 1.0 / growth } else { 0.0 };
+        let square = per_growth * per_growth;
+        self.rim_at = 1.0 - (blur.rim_px() * self.step.abs().max_element()) as f32;
+        self.corner = self.corner.map(|corner| corner + (blur.fringes_px() * per_growth) as f32);
+        self.waves = Some(Waves {
+            picture: picture.map(|scale| scale as f32),
+            middle_mm2: (blur.middle_px2() * square) as f32,
+            by_blur: (blur.sigma_px * square) as f32,
+        });
+    }
+
     /// Finds the spots and follows their rays to the array. Gives the mean variance of K there, mm^2.
     #[inline(never)]
     fn find(&self, spots: &mut Spots, light: &FineLight, (parts, [columns, rows]): (usize, [usize; 2])) -> f32 {
@@ -450,7 +516,7 @@ impl Lenslet {
     ) -> [Eight; QUANTITIES] {
         let [kx, ky] = self.kernel;
         let seen = self.seen((stop, by), (means, round));
-        let Passed { share, by_middle, .. } = self.rim.passed(1.0, &seen.middles, &seen.widths);
+        let Passed { share, by_middle, .. } = self.rim.passed(self.rim_at, &seen.middles, &seen.widths);
         let mut numbers = [[0f32; LANES]; QUANTITIES];
         for k in 0..LANES {
             let (mean, share, by_middle) = (seen.mean[k], share[k], [by_middle[0][k], by_middle[1][k]]);
@@ -490,6 +556,7 @@ impl Lenslet {
                 numbers[4][k] = self.by_size[0] * by_spot;
                 numbers[5][k] = moves([-1.0, 0.0], [sx, 0.0]);
                 numbers[6][k] = moves([0.0, -1.0], [0.0, sy]);
+                numbers[7][k] = self.waves.as_ref().map_or(0.0, |waves| of_mean * waves.by_blur * (xx + yy));
             }
         }
         numbers

@@ -48,6 +48,14 @@ impl FineSensor {
     }
 }
 
+impl FineSensor {
+    /// The sensor's own pixels, as a picture has them with all blur. `variance` is that of their light in the stop,
+    /// px^2.
+    pub(super) fn whole(variance: f64) -> Self {
+        Self { parts: 1, variance, reach: 0, weights: [vec![1.0], vec![]] }
+    }
+}
+
 /// Weights of a Gaussian of this variance, and their derivatives by it. They carry the higher cumulants of the finer
 /// pixel, which counts as a Gaussian.
 fn rest(variance: f64) -> (Vec<f64>, Vec<f64>) {

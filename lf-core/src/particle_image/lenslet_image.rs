@@ -225,7 +225,8 @@ impl<T: Listed> LensletImage<'_, T> {
         // The largest bend is that from the straight rays of the whole stop.
         let whole = Axis { chief: beam.chief[n] - axis.centre, ..*axis };
         let (axis, alpha) = if beam.is_bent() { (&whole, beam.alpha) } else { (axis, alpha) };
-        let (half, corner) = (view.optics.half_aperture_mm, view.corner[n] + beam.most_bend_mm);
+        let fringes_mm = view.fringes_px() * (alpha * axis.per_slope).abs();
+        let (half, corner) = (view.optics.half_aperture_mm, view.corner[n] + beam.most_bend_mm + fringes_mm);
         match blur {
             Some((blur_px, beyond)) => axis.lit_blurred(alpha, half, corner, (spot, blur_px), beyond as f64),
             None => axis.lit(alpha, half, corner + REACH_SIGMA * spot, (0.0, 0.0)),

@@ -42,6 +42,7 @@ mod factor;
 mod fine;
 mod fine_light;
 mod fine_sensor;
+mod fresnel;
 mod inside;
 mod lenslet_image;
 mod lenslet_lines;

@@ -2,6 +2,7 @@
 
 use super::beam::{Beam, Tracer};
 use super::cell_surface::{Ladder, REACH_SIGMA, Surfaces, half_sides};
+use super::fresnel::WaveCell;
 use super::lenslet_image::{LensletImage, Listed, Patch, Scratch};
 use super::lenslet_lines::LensletLines;
 use super::pictures::Pictures;
@@ -73,15 +74,16 @@ impl ParticleModel {
         let corners = cell(&optics, pitch_mm, blur.is_some());
         let alike_mm = ALIKE_PX * optics.pixel_pitch_mm;
         let is_exact = known.is_some_and(|model| model.view.is_exact);
+        let waves = camera.fresnel().map(|pattern| WaveCell::new(&corners, pitch_mm, pattern));
         let known = known.filter(|model| model.surfaces.are_for(&corners, &sizes, alike_mm));
-        let (surfaces, pictures) = match known {
-            Some(model) => (model.surfaces.clone(), model.view.pictures.clone()),
-            None => {
-                let width_mm = 2.0 * half_sides(&corners).max_element();
-                let pictures = blur.is_some().then(|| Arc::new(Pictures::new(width_mm)));
-                (Surfaces::new(&corners, &sizes), pictures)
-            }
+        let surfaces = known.map_or_else(|| Surfaces::new(&corners, &sizes), |model| model.surfaces.clone());
+        let are_alike = |pictures: &&Arc<Pictures>| match (&pictures.waves, &waves) {
+            (Some(own), Some(other)) => own.is_like(other),
+            (own, other) => own.is_none() && other.is_none(),
         };
+        let pictures = known.and_then(|model| model.view.pictures.as_ref()).filter(are_alike).cloned();
+        let width_mm = 2.0 * half_sides(&corners).max_element();
+        let pictures = blur.is_some().then(|| pictures.unwrap_or_else(|| Arc::new(Pictures::new(width_mm, waves))));
         let has_round_stop = camera.main_lens.aperture == Aperture::Circle;
         let half = optics.half_aperture_mm;
         let in_focus = tracer.beam(&optics, [0.0; 3]);
@@ -130,6 +132,11 @@ impl ParticleModel {
     /// Whether the sensor is blurred.
     pub fn is_blurred(&self) -> bool {
         self.view.blur.is_some()
+    }
+
+    /// Whether lenslets make Fresnel's pattern.
+    pub fn follows_waves(&self) -> bool {
+        self.view.follows_waves()
     }
 
     /// The far light around the images; None if nothing diffracts.
@@ -237,7 +244,10 @@ impl ParticleModel {
         let image = LensletImage { view: &self.view, beam, tables, spot_mm, more_mm: spot_mm - tables.sigma_mm };
         scratch.shared.begin();
         let middle = self.lines.within(beam.chief, DVec2::splat(0.5 * self.view.pitch_mm)).next();
-        scratch.even.begin(middle.map_or(0.0, |line| image.scale(line)));
+        let scale = middle.map_or(0.0, |line| image.scale(line));
+        scratch.even.begin(scale);
+        let fringes = if scale > 0.0 { self.view.fringes_px() / scale } else { 0.0 };
+        let margin = margin + fringes;
         let spread = beam.alpha.abs() * self.view.optics.half_aperture_mm;
         for line in self.lines.within(beam.chief, margin + spread) {
             if self.view.has_round_stop {
@@ -249,14 +259,16 @@ impl ParticleModel {
             }
             let by_shift = self.lines.by_shift;
             // Not in closures: these are compiled for the oldest processors unless they are inlined.
-            let (patch, is_by_place) = match (T::by_axes::<N>(&image, line, by_shift, scratch), &self.view.blur) {
+            let by_axes =
+                if self.view.follows_waves() { None } else { T::by_axes::<N>(&image, line, by_shift, scratch) };
+            let (patch, is_by_place) = match (by_axes, &self.view.blur) {
                 (Some(patch), _) => (patch, false),
                 (None, None) => (image.integrate::<N>(line, by_shift, scratch), false),
                 (None, Some(blur)) => {
-                    let (known, is_by_place) = if N > PLACES {
-                        (image.unshaded((blur, ladder), by_shift, line, scratch), false)
-                    } else {
-                        (image.even::<N>((blur, ladder), line, scratch), true)
+                    let (known, is_by_place) = match (N > PLACES, self.view.follows_waves()) {
+                        (true, true) => (None, true),
+                        (true, false) => (image.unshaded((blur, ladder), by_shift, line, scratch), false),
+                        (false, _) => (image.even::<N>((blur, ladder), line, scratch), true),
                     };
                     match known {
                         Some(patch) => (patch, is_by_place),

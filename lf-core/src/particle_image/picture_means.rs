@@ -1,7 +1,8 @@
 //! Means of a cell over the pixels of a lenslet, with their slopes and curvatures, from a particle's picture.
 
 use super::pictures::{LANES, PHASES, Picture};
-use super::spline::Stencil;
+use super::spline::{Stencil, quick_stencil};
+use super::spots::Spots;
 use crate::simd::fastest;
 
 /// Numbers of a mean: level, slopes along x and y, and curvatures xx, xy and yy.
@@ -19,6 +20,47 @@ pub(super) struct PictureMeans {
     /// For each pixel, the numbers of its mean, and its place from the picture's middle along x and y.
     pub(super) means: [Vec<f32>; NUMBERS],
     pub(super) places: [Vec<f32>; 2],
+}
+
+impl Picture {
+    /// Fills the means at the hits of spots on the array, and their slopes and curvatures there. The picture's scale is
+    /// in px a mm.
+    pub(super) fn fill_means(&self, scale: f32, spots: &mut Spots) {
+        let count = spots.room();
+        let Spots { hit: [x, y], means, .. } = spots;
+        let per_mm = scale * PHASES as f32;
+        let width = self.half.map(|half| 2 * half);
+        let nodes = |hit: f32, axis: usize| {
+            let last = (width[axis] * PHASES - 3) as f32;
+            quick_stencil(hit * per_mm + (self.half[axis] * PHASES) as f32, last)
+        };
+        for n in 0..count {
+            let (column, level_x, slope_x, curve_x) = nodes(x[n], 0);
+            let (row, level_y, slope_y, curve_y) = nodes(y[n], 1);
+            let (across, down) = ([level_x, slope_x, curve_x], [level_y, slope_y, curve_y]);
+            let mut sums = [0f32; NUMBERS];
+            for j in 0..4 {
+                let mut lines = [0f32; 3];
+                for i in 0..4 {
+                    let node = self.values[self.index(column + i, row + j)];
+                    lines.iter_mut().zip(&across).for_each(|(sum, weights)| *sum += weights[i] * node);
+                }
+                for (sum, [along_x, along_y]) in sums.iter_mut().zip(ORDERS) {
+                    *sum += down[along_y][j] * lines[along_x];
+                }
+            }
+            for ((list, sum), [along_x, along_y]) in means.iter_mut().zip(sums).zip(ORDERS) {
+                list[n] = sum * per_mm.powi((along_x + along_y) as i32);
+            }
+        }
+    }
+
+    /// Where the node of this column and row is kept.
+    #[inline(always)]
+    fn index(&self, column: usize, row: usize) -> usize {
+        let plane = (row % PHASES) * PHASES + column % PHASES;
+        (plane * 2 * self.half[1] + row / PHASES) * 2 * self.half[0] + column / PHASES
+    }
 }
 
 impl PictureMeans {

@@ -5,6 +5,7 @@
 //! phase: what neighbouring pixels read are neighbours in memory.
 
 use super::cell_surface::{Ladder, REACH_SIGMA, half_sides};
+use super::fresnel::WaveCell;
 use super::spline::to_coefficients;
 use super::table::Table;
 use std::sync::OnceLock;
@@ -37,6 +38,8 @@ pub(super) struct Picture {
 pub(super) struct Pictures {
     /// Width of the cell, mm.
     width_mm: f64,
+    /// The cell in waves; None where its shadow is sharp.
+    pub(super) waves: Option<WaveCell>,
     blurs: usize,
     pictures: Vec<OnceLock<Box<Picture>>>,
 }
@@ -49,10 +52,10 @@ fn rung(value: f64, least: f64, ratio: f64) -> (usize, f64) {
 
 impl Pictures {
     /// For a cell of this width.
-    pub(super) fn new(width_mm: f64) -> Self {
+    pub(super) fn new(width_mm: f64, waves: Option<WaveCell>) -> Self {
         let count = |[least, most]: [f64; 2], ratio: f64| rung(most, least, ratio).0 + 2;
         let (scales, blurs) = (count(WIDTHS_PX, SCALE_RATIO), count(BLURS_PX, BLUR_RATIO));
-        Self { width_mm, blurs, pictures: (0..scales * blurs).map(|_| OnceLock::new()).collect() }
+        Self { width_mm, waves, blurs, pictures: (0..scales * blurs).map(|_| OnceLock::new()).collect() }
     }
 
     /// Bytes of the pictures that have been made.
@@ -100,33 +103,46 @@ impl Pictures {
     fn picture<T: Table>(&self, ladder: &Ladder<T>, scale: usize, blur: usize) -> &Picture {
         self.pictures[scale * self.blurs + blur].get_or_init(|| {
             let scale = WIDTHS_PX[0] * SCALE_RATIO.powi(scale as i32) / self.width_mm;
-            Box::new(Picture::new(ladder, scale, BLURS_PX[0] * BLUR_RATIO.powi(blur as i32)))
+            let blur_px = BLURS_PX[0] * BLUR_RATIO.powi(blur as i32);
+            let corner = half_sides(&ladder.corners) * scale;
+            let waves_px = self.waves.as_ref().map_or(0.0, WaveCell::fringes_px);
+            let reach = REACH_SIGMA * blur_px + waves_px + 1.0;
+            let half = [corner.x, corner.y].map(|corner| (corner + reach).ceil() as usize);
+            let means = match &self.waves {
+                None => means(ladder, scale, blur_px, half),
+                Some(cell) => cell.means(scale, blur_px, half, PHASES),
+            };
+            Box::new(Picture::through(means, half))
         })
     }
 }
 
+/// The means of a cell's shadow over pixels, from its integral.
+fn means<T: Table>(ladder: &Ladder<T>, scale: f64, blur_px: f64, half: [usize; 2]) -> Vec<f64> {
+    let nodes = half.map(|half| 2 * half * PHASES);
+    // Read the integral at the nodes, and half a pixel beyond them.
+    let tables = ladder.nearest(blur_px / scale);
+    let more_mm = blur_px / scale - tables.sigma_mm;
+    let taps = |axis: usize| -> Vec<T::Taps> {
+        let at = |n: usize| (n as f64 - 0.5 * (nodes[axis] + PHASES) as f64) / (PHASES as f64 * scale);
+        (0..nodes[axis] + PHASES).map(|n| tables.integral.taps(axis, at(n), more_mm)).collect()
+    };
+    let (across, down) = (taps(0), taps(1));
+    let row = |y: &T::Taps| -> Vec<f64> { across.iter().map(|x| tables.integral.at::<1>(x, y, more_mm)[0]).collect() };
+    let integral: Vec<Vec<f64>> = down.iter().map(row).collect();
+    let mut means = Vec::with_capacity(nodes[0] * nodes[1]);
+    for n in 0..nodes[1] {
+        let (above, below) = (&integral[n], &integral[n + PHASES]);
+        let mean = |k: usize| scale * scale * ((below[k + PHASES] - below[k]) - (above[k + PHASES] - above[k]));
+        means.extend((0..nodes[0]).map(mean));
+    }
+    means
+}
+
 impl Picture {
-    fn new<T: Table>(ladder: &Ladder<T>, scale: f64, blur_px: f64) -> Self {
-        let corner = half_sides(&ladder.corners);
-        let half = [corner.x, corner.y].map(|corner| (corner * scale + REACH_SIGMA * blur_px + 1.0).ceil() as usize);
+    /// Through these means, `half` pixels on each side of the middle.
+    fn through(mut means: Vec<f64>, half: [usize; 2]) -> Self {
         let nodes = half.map(|half| 2 * half * PHASES);
-        // Read the integral at the nodes, and half a pixel beyond them.
-        let tables = ladder.nearest(blur_px / scale);
-        let more_mm = blur_px / scale - tables.sigma_mm;
-        let taps = |axis: usize| -> Vec<T::Taps> {
-            let at = |n: usize| (n as f64 - 0.5 * (nodes[axis] + PHASES) as f64) / (PHASES as f64 * scale);
-            (0..nodes[axis] + PHASES).map(|n| tables.integral.taps(axis, at(n), more_mm)).collect()
-        };
-        let (across, down) = (taps(0), taps(1));
-        let row =
-            |y: &T::Taps| -> Vec<f64> { across.iter().map(|x| tables.integral.at::<1>(x, y, more_mm)[0]).collect() };
-        let integral: Vec<Vec<f64>> = down.iter().map(row).collect();
-        let mut means = Vec::with_capacity(nodes[0] * nodes[1]);
-        for n in 0..nodes[1] {
-            let (above, below) = (&integral[n], &integral[n + PHASES]);
-            let mean = |k: usize| scale * scale * ((below[k + PHASES] - below[k]) - (above[k + PHASES] - above[k]));
-            means.extend((0..nodes[0]).map(mean));
-        }
         to_coefficients(&mut means, nodes);
         // Sort by phase.
         let mut values = Vec::with_capacity(means.len());

@@ -82,7 +82,7 @@ impl Stencil {
 
 /// The first of four nodes about a place, and their weights for value, slope and curvature, in single precision.
 #[inline(always)]
-fn quick_stencil(place: f32, last: f32) -> (usize, [f32; 4], [f32; 4], [f32; 4]) {
+pub(super) fn quick_stencil(place: f32, last: f32) -> (usize, [f32; 4], [f32; 4], [f32; 4]) {
     let held = place.max(1.0).min(last);
     let whole = held as usize;
     let t = held - whole as f32;

@@ -125,7 +125,7 @@ fn blurred_cameras(sigma_px: f64) -> impl Iterator<Item = (String, Camera)> {
         kinds.iter().any(|kind| name.starts_with(kind)) && blocks.iter().any(|block| name.ends_with(block))
     };
     cameras().into_iter().filter(move |(name, _)| is_tried(name)).map(move |(name, mut camera)| {
-        camera.blur = Some(Blur { sigma_px, wavelength_nm: None });
+        camera.blur = Some(Blur { sigma_px, wavelength_nm: None, ..Blur::default() });
         (format!("{name}, blur {sigma_px}"), camera)
     })
 }
@@ -173,7 +173,7 @@ fn blurred_light_behind_a_thick_window_is_near_that_of_rays() {
         let mut camera = seed(40, Aperture::Circle, layout, 0.003);
         camera.medium =
             Some(Medium { index: 1.333, window_z_mm: 180.0, window_thickness_mm: 20.0, window_index: 1.49 });
-        camera.blur = Some(Blur { sigma_px: 0.4, wavelength_nm: None });
+        camera.blur = Some(Blur { sigma_px: 0.4, wavelength_nm: None, ..Blur::default() });
         let model = model_of(&camera);
         // In focus, at the caustic, and far.
         for place in [[0.31, 0.21, 0.0], [0.2, -0.15, -0.4], [0.2, -0.15, 2.3], [0.05, 0.13, -4.9]] {
@@ -193,7 +193,7 @@ fn derivatives_of_blurred_light_are_near_its_differences() {
         let model = |sigma: f64, shift: [f64; 2], blur: f64| {
             let mut camera = camera.clone();
             camera.microlenses.offset_mm = shift;
-            camera.blur = Some(Blur { sigma_px: BLUR_PX + blur, wavelength_nm: None });
+            camera.blur = Some(Blur { sigma_px: BLUR_PX + blur, wavelength_nm: None, ..Blur::default() });
             ParticleModel::new(&camera, SIGMA_MM + sigma, DEPTH_MM).unwrap()
         };
         let middle = model(0.0, [0.0; 2], 0.0);
@@ -351,7 +351,7 @@ fn blurred_light_is_where_aberrated_rays_fall() {
     };
     let fast = Camera { aberrations: Some(doublets), ..seed(60, Aperture::Circle, Layout::Square, 0.003) };
     for (name, mut camera) in aberrated().into_iter().chain([("fast".to_owned(), fast)]) {
-        camera.blur = Some(Blur { sigma_px: 0.4, wavelength_nm: None });
+        camera.blur = Some(Blur { sigma_px: 0.4, wavelength_nm: None, ..Blur::default() });
         let most = if name == "fast" { 0.038 } else { 0.016 };
         let model = model_of(&camera);
         for [x, y, z] in PLACES {
@@ -457,7 +457,9 @@ fn light_alone_is_the_same_light() {
 fn places_are_those_of_the_slow_twin() {
     const STEP_MM: f64 = 2e-5;
     let mut aberrated = aberrated();
-    aberrated.iter_mut().for_each(|(_, camera)| camera.blur = Some(Blur { sigma_px: 0.4, wavelength_nm: None }));
+    aberrated
+        .iter_mut()
+        .for_each(|(_, camera)| camera.blur = Some(Blur { sigma_px: 0.4, wavelength_nm: None, ..Blur::default() }));
     let blurred = [0.3, 0.8].into_iter().flat_map(blurred_cameras).chain(aberrated);
     for (name, camera) in cameras().into_iter().chain(blurred) {
         let [most, more] = if is_bent(&camera) { [0.006, 0.06] } else { [0.003, 0.02] };
@@ -498,7 +500,9 @@ fn places_are_those_of_the_slow_twin() {
 fn places_change_as_their_derivatives_say() {
     const STEPS_MM: [f64; 3] = [1e-4, 1e-4, 2e-3];
     let mut aberrated = aberrated();
-    aberrated.iter_mut().for_each(|(_, camera)| camera.blur = Some(Blur { sigma_px: 0.4, wavelength_nm: None }));
+    aberrated
+        .iter_mut()
+        .for_each(|(_, camera)| camera.blur = Some(Blur { sigma_px: 0.4, wavelength_nm: None, ..Blur::default() }));
     let blurred = [0.3, 0.8].into_iter().flat_map(blurred_cameras).chain(aberrated);
     for (name, camera) in cameras().into_iter().chain(blurred) {
         let model = model_of(&camera);
@@ -565,7 +569,7 @@ fn places_are_those_of_rays() {
         ("aberrations", Camera { aberrations, ..round(Layout::Hexagonal) }),
     ];
     for (name, mut camera) in cameras {
-        camera.blur = Some(Blur { sigma_px: 0.5, wavelength_nm: None });
+        camera.blur = Some(Blur { sigma_px: 0.5, wavelength_nm: None, ..Blur::default() });
         let model = model_of(&camera);
         for z in [-4.0, 4.5] {
             let mut shifts = [[0.0; 3]; 2];

@@ -25,3 +25,17 @@ pub(super) struct View {
     /// Blur of the sensor; None for a sharp one.
     pub(super) blur: Option<SensorBlur>,
 }
+
+impl View {
+    /// How far fringes are followed beside a cell's shadow, px.
+    #[inline(always)]
+    pub(super) fn fringes_px(&self) -> f64 {
+        self.blur.as_ref().map_or(0.0, SensorBlur::fringes_px)
+    }
+
+    /// Whether pictures follow waves: then no other image does.
+    #[inline(always)]
+    pub(super) fn follows_waves(&self) -> bool {
+        self.pictures.as_ref().is_some_and(|pictures| pictures.waves.is_some())
+    }
+}

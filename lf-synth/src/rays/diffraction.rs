@@ -1,9 +1,10 @@
 //! Blur on the sensor: diffraction by a lenslet's rim, and a Gaussian. In collimated light a sensor at the focal length
-//! sees the far field of the lenslet's cell. The light of a particle converges behind the array, and near focus it
-//! makes Fresnel's fringes, which this leaves out.
+//! sees the far field of the lenslet's cell. The light of a particle converges behind the array and makes Fresnel's
+//! pattern: `waves.rs`.
 
 use glam::DVec2;
-use lf_core::{Camera, camera::Layout, halo::sinc};
+use lf_core::camera::{Blur, Layout};
+use lf_core::{Camera, halo::sinc};
 use rand::RngExt;
 use rand_pcg::Pcg64Mcg;
 use rayon::prelude::*;
@@ -16,6 +17,14 @@ use std::f64::consts::PI;
 pub struct Diffraction {
     /// Wavelength of the light, mm.
     pub wavelength_mm: f64,
+}
+
+impl Diffraction {
+    /// The camera with this diffraction.
+    pub(super) fn of(&self, camera: &Camera) -> Camera {
+        let wavelength_nm = Some(1e6 * self.wavelength_mm);
+        Camera { blur: Some(Blur { wavelength_nm, ..camera.blur.unwrap_or_default() }), ..camera.clone() }
+    }
 }
 
 /// A table of ray deflections that add up to the blur. Diffraction: sinc^2 along both axes of the lattice for a square
@@ -54,10 +63,16 @@ const GAUSSIAN_STEP: [f64; 2] = [0.414_213_562_373_095_1, 0.732_050_807_568_877_
 type Place = Box<dyn Fn([f64; 2]) -> DVec2>;
 
 impl Pattern {
-    /// The blur of a scene's diffraction and of its camera's blur; None if both are absent.
-    pub(super) fn new(diffraction: Option<&Diffraction>, camera: &Camera) -> Option<Self> {
+    /// The blur that is no diffraction; None without one.
+    pub(super) fn of_gaussian(camera: &Camera) -> Option<Self> {
+        let gaussian = camera.blur.map(|blur| Blur { wavelength_nm: None, pattern: None, ..blur });
+        Self::new(&Camera { blur: gaussian, ..camera.clone() })
+    }
+
+    /// The blur of a camera; None without one.
+    pub(super) fn new(camera: &Camera) -> Option<Self> {
         let blur = camera.blur.unwrap_or_default();
-        let wavelength_mm = diffraction.map(|d| d.wavelength_mm).or(blur.wavelength_nm.map(|nm| 1e-6 * nm));
+        let wavelength_mm = blur.wavelength_nm.map(|nm| 1e-6 * nm);
         let sigma_mm = blur.sigma_px * camera.sensor.pixel_pitch_mm;
         if wavelength_mm.is_none() && sigma_mm == 0.0 {
             return None;
@@ -100,7 +115,7 @@ impl Pattern {
     }
 
     /// Random place in the table, for a particle's first ray.
-    pub(super) fn start(&self, random: &mut Pcg64Mcg) -> usize {
+    pub(super) fn start(random: &mut Pcg64Mcg) -> usize {
         random.random_range(0..LENGTH)
     }
 
@@ -130,27 +145,62 @@ fn across_square() -> Quantiles {
     Quantiles::new((0..REACH * FINENESS).map(|n| sinc((n as f64 + 0.5) / FINENESS as f64).powi(2)))
 }
 
-/// Maps the unit square to the pattern of a hexagon: the angle first, then the radius.
+/// Maps the unit square to the far field of a hexagon.
 fn of_hexagon() -> Place {
-    // Far light lies along the ridges across the sides, where radii are the closest.
-    let angle = |at: f64| PI / 6.0 * (at / RADII as f64).powi(2);
-    let along = |n: usize| {
-        let angle = angle(n as f64 + 0.5);
-        Quantiles::new((0..REACH * RADIAL_FINENESS).map(|step| {
-            let radius = (step as f64 + 0.5) / RADIAL_FINENESS as f64;
-            radius * hexagon(radius * DVec2::from_angle(angle)).powi(2)
-        }))
-    };
-    let radii: Vec<Quantiles> = (0..RADII).into_par_iter().map(along).collect();
-    let angles = Quantiles::new(radii.iter().enumerate().map(|(n, radius)| radius.whole * (2 * n + 1) as f64));
+    let pattern = HexagonPattern::new(REACH, |at| hexagon(at).powi(2));
     Box::new(move |[a, b]| {
         let twelfths = 12.0 * a;
-        let at = angles.at(twelfths.fract());
+        let (from_side, radius) = pattern.at(twelfths.fract(), b);
         let side = (twelfths / 2.0).floor() * PI / 3.0;
-        let from_side = if twelfths % 2.0 < 1.0 { angle(at) } else { -angle(at) };
-        let radius = radii[(at as usize).min(RADII - 1)].at(b) / RADIAL_FINENESS as f64;
-        radius * DVec2::from_angle(side + from_side)
+        radius * DVec2::from_angle(side + if twelfths % 2.0 < 1.0 { from_side } else { -from_side })
     })
+}
+
+/// A pattern with the symmetry of a hexagon whose sides are 1 apart, two across the x axis: the angle from the middle
+/// of a side first, then the radius.
+#[derive(Debug)]
+pub(super) struct HexagonPattern {
+    angles: Quantiles,
+    radii: Vec<Quantiles>,
+}
+
+impl HexagonPattern {
+    /// From the intensity in lambda g / p, up to a reach.
+    pub(super) fn new(reach: usize, intensity: impl Fn(DVec2) -> f64 + Sync) -> Self {
+        let along = |n: usize| {
+            let way = DVec2::from_angle(Self::angle(n as f64 + 0.5));
+            Quantiles::new((0..reach * RADIAL_FINENESS).map(|step| {
+                let radius = (step as f64 + 0.5) / RADIAL_FINENESS as f64;
+                radius * intensity(radius * way)
+            }))
+        };
+        let radii: Vec<Quantiles> = (0..RADII).into_par_iter().map(along).collect();
+        let angles = Quantiles::new(radii.iter().enumerate().map(|(n, radius)| radius.whole * (2 * n + 1) as f64));
+        Self { angles, radii }
+    }
+
+    /// The angle of a number of radii. Far light lies along the ridges across the sides, where radii are the closest.
+    fn angle(at: f64) -> f64 {
+        PI / 6.0 * (at / RADII as f64).powi(2)
+    }
+
+    /// The angle from the middle of a side and the radius within which these shares of the light lie.
+    fn at(&self, turned: f64, out: f64) -> (f64, f64) {
+        let at = self.angles.at(turned);
+        (Self::angle(at), self.radii[(at as usize).min(RADII - 1)].at(out) / RADIAL_FINENESS as f64)
+    }
+
+    /// Where the light of a place in the hexagon is seen, so that even light on the hexagon makes the pattern.
+    #[inline(always)]
+    pub(super) fn seen(&self, place: DVec2) -> DVec2 {
+        let side = (place.to_angle() / (PI / 3.0)).round() * (PI / 3.0);
+        let (across, along) = (DVec2::from_angle(side).dot(place), DVec2::from_angle(side).perp_dot(place));
+        if across <= 0.0 {
+            return DVec2::ZERO;
+        }
+        let (from_side, radius) = self.at(3f64.sqrt() * (along / across).abs(), (2.0 * across).powi(2));
+        radius * DVec2::from_angle(side + from_side.copysign(along))
+    }
 }
 
 /// Fourier transform, 1 in the middle, of a hexagon whose sides are 1 apart, two across the x axis: the sum over its
@@ -165,14 +215,15 @@ fn hexagon(frequency: DVec2) -> f64 {
 }
 
 /// Quantiles of a density, given in equal steps.
-struct Quantiles {
+#[derive(Debug)]
+pub(super) struct Quantiles {
     /// The integral up to each step, as a share.
     reached: Vec<f64>,
     whole: f64,
 }
 
 impl Quantiles {
-    fn new(density: impl Iterator<Item = f64>) -> Self {
+    pub(super) fn new(density: impl Iterator<Item = f64>) -> Self {
         let mut whole = 0.0;
         let mut reached = vec![0.0];
         reached.extend(density.map(|step| {
@@ -184,7 +235,7 @@ impl Quantiles {
     }
 
     /// Where the integral reaches a share, in steps.
-    fn at(&self, share: f64) -> f64 {
+    pub(super) fn at(&self, share: f64) -> f64 {
         let n = self.reached.partition_point(|reached| *reached <= share).clamp(1, self.reached.len() - 1);
         let (low, high) = (self.reached[n - 1], self.reached[n]);
         let within = if high > low { (share - low) / (high - low) } else { 0.0 };
@@ -195,7 +246,6 @@ impl Quantiles {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use lf_core::camera::Blur;
 
     /// The hexagon's transform against a sum over points of the hexagon.
     #[test]
@@ -221,8 +271,8 @@ mod tests {
             let mut camera = Camera::from_json(&scene["camera"].to_string()).unwrap();
             camera.microlenses.layout = layout;
             camera.microlenses.rotation_rad = 0.2;
-            camera.blur = Some(Blur { wavelength_nm: Some(532.0), sigma_px: 0.0 });
-            let pattern = Pattern::new(None, &camera).unwrap();
+            camera.blur = Some(Blur { wavelength_nm: Some(532.0), sigma_px: 0.0, ..Blur::default() });
+            let pattern = Pattern::new(&camera).unwrap();
             let wanted = camera.diffraction().unwrap();
             let [x, y] = &pattern.deflections_mm;
             for (u, v) in [(0.1, 0.0), (0.3, 0.2), (-0.2, 0.5), (0.0, 0.8), (0.7, 0.7), (0.9, 0.02), (0.03, 0.98)] {

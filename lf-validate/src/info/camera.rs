@@ -142,6 +142,7 @@ fn blocks(about: &mut Description, camera: &Camera) {
         let light = blur
             .wavelength_nm
             .map_or_else(|| "no diffraction".to_string(), |nm| format!("diffraction at {} nm", figures(nm)));
+        let light = if camera.fresnel().is_some() { format!("{light}, Fresnel's pattern") } else { light };
         about.line("blur", format!("{light}, and a Gaussian of {} px", figures(blur.sigma_px)));
     }
     if let Some(centres) = &camera.centres {
