@@ -1,6 +1,6 @@
 //! Particles found again, refusals, and the same bytes for any number of threads.
 
-use lf_core::camera::{SensorNoise, Tilt};
+use lf_core::camera::{LensletPattern, SensorNoise, Tilt};
 use lf_core::lattice::Centres;
 use lf_core::particles::{self, Particle};
 use lf_core::{Camera, Volume};
@@ -393,6 +393,46 @@ fn a_blur_is_found_whether_the_camera_names_it_or_not() {
             );
             let sigma_px = bench.json("stats.json")["counts"]["blur_px"].as_f64().unwrap();
             assert!((sigma_px - 0.3).abs() < 0.03, "{file}: {sigma_px}");
+        }
+    }
+}
+
+/// Lenslets that show Fresnel's pattern: the fit finds it where the camera names no pattern, and says so. With the far
+/// field, depths are worse and the size is wrong.
+#[test]
+fn fresnels_pattern_is_found_and_said() {
+    for layout in ["square", "hexagonal"] {
+        let layout = format!("camera.microlenses.layout={layout}");
+        let blur = r#"camera.blur={"wavelength_nm": 532, "sigma_px": 0.3, "pattern": "fresnel"}"#;
+        let noise = r#"sensor_noise={"photon_noise": true, "read_noise_electrons": 3}"#;
+        let turn = "camera.microlenses.rotation_rad=0.003";
+        let bench = bench(&[&layout, turn, blur, noise, "particles.rays=400000"]);
+        let truth = table(&bench, "scene/particles.csv");
+        let mut camera = Camera::open(&bench.path("scene/camera.json")).unwrap();
+        // Median error of depth, mm, and the size, px.
+        let mut measure = |pattern: Option<LensletPattern>| {
+            camera.blur.as_mut().unwrap().pattern = pattern;
+            bench.write("camera.json", camera.to_json());
+            let call = CALL.replace("scene/camera.json", "camera.json");
+            let said = bench.done(&format!("{call} --particles found.csv --stats stats.json")).stderr;
+            assert_eq!(said.contains("lenslets show Fresnel's pattern"), pattern.is_none(), "{said}");
+            let found = table(&bench, "found.csv");
+            assert!(pattern == Some(LensletPattern::Fraunhofer) || found.len() <= truth.len() + 2, "{}", found.len());
+            let off = |true_one: &Particle| {
+                let near =
+                    |other: &&Particle| (0..2).all(|k| (other.place_mm[k] - true_one.place_mm[k]).abs() < 1.5 * 0.0055);
+                let off = found.iter().filter(near).map(|other| (other.place_mm[2] - true_one.place_mm[2]).abs());
+                off.fold(f64::INFINITY, f64::min)
+            };
+            let mut off: Vec<f64> = truth.iter().filter(|one| one.place_mm[2].abs() > 0.5).map(off).collect();
+            off.sort_by(f64::total_cmp);
+            [off[off.len() / 2], bench.json("stats.json")["counts"]["size_px"].as_f64().unwrap()]
+        };
+        let [far, open, named] =
+            [Some(LensletPattern::Fraunhofer), None, Some(LensletPattern::Fresnel)].map(&mut measure);
+        assert!(named[0] < 0.8 * far[0] && open[0] < 0.8 * far[0], "{layout}: {far:?} {open:?} {named:?}");
+        for [_, size_px] in [open, named] {
+            assert!((size_px - 0.75).abs() < 0.04, "{layout}: {far:?} {open:?} {named:?}");
         }
     }
 }

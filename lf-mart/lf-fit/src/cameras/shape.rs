@@ -6,7 +6,7 @@
 //! entry in [`lf_core::camera::PARAMETERS`].
 
 use super::lens::{LENSES, corrections};
-use lf_core::camera::{Blur, COUNT, Correction, GREEN_NM, PARAMETERS, stepped};
+use lf_core::camera::{Blur, COUNT, Correction, GREEN_NM, LensletPattern, PARAMETERS, stepped};
 use lf_core::particle_image::ParticleModel;
 use lf_core::{Camera, Refusal};
 
@@ -33,6 +33,8 @@ pub struct Shape {
     pub drift_px: [f64; 2],
     /// Standard deviation of the blur's Gaussian, pixels of the sensor; None for a sharp camera.
     pub blur_px: Option<f64>,
+    /// The pattern of a lenslet that explains the image better than the camera's; None for the camera's own.
+    pub pattern: Option<LensletPattern>,
     /// Corrections of the camera's parameters, pixels by which they move light at most.
     pub lens_px: [f64; LENSES],
 }
@@ -116,8 +118,9 @@ impl Shape {
         let mut moved = stepped(camera, PARAMETERS.iter().zip(steps));
         if let Some(sigma_px) = self.blur_px {
             let green_nm = camera.wavelength_of_nm(GREEN_NM);
-            let wavelength_nm = camera.blur.map_or(Some(green_nm), |blur| blur.wavelength_nm);
-            moved.blur = Some(Blur { sigma_px, wavelength_nm });
+            let green = Blur { wavelength_nm: Some(green_nm), ..Blur::default() };
+            let blur = camera.blur.unwrap_or(green);
+            moved.blur = Some(Blur { sigma_px, pattern: self.pattern.or(blur.pattern), ..blur });
         }
         moved
     }
@@ -155,7 +158,7 @@ impl Shape {
         let sigma_px = (self.sigma_px + size).clamp(SIZES_PX[0], SIZES_PX[1]);
         let blur_px = self.blur_px.map(|px| (px + blur).clamp(BLURS_PX[0], BLURS_PX[1]));
         let lens_px = std::array::from_fn(|k| self.lens_px[k] + step[ANALYTIC + k]);
-        Self { sigma_px, drift_px: [self.drift_px[0] + x, self.drift_px[1] + y], blur_px, lens_px }
+        Self { sigma_px, drift_px: [self.drift_px[0] + x, self.drift_px[1] + y], blur_px, lens_px, ..*self }
     }
 
     /// A step of one pixel in the units of the model's derivatives: mm, and for the blur pixels of its middle.

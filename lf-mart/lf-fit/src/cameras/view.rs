@@ -310,7 +310,8 @@ pub(crate) mod tests {
     }
 
     pub(crate) fn view(sight: &Sight, pose: Pose, light: f64) -> CameraView<'_> {
-        let shape = Shape { sigma_px: 0.75, drift_px: [0.0; 2], blur_px: None, lens_px: Default::default() };
+        let shape =
+            Shape { sigma_px: 0.75, drift_px: [0.0; 2], blur_px: None, pattern: None, lens_px: Default::default() };
         let view = CameraView::new(&sight.camera, (&sight.image, None), shape, DEPTH_MM, NOISE).unwrap();
         CameraView { pose, light, ..view }
     }

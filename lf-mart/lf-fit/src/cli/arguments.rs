@@ -165,7 +165,13 @@ impl Arguments {
         }
         let is_free = |part: Hold| !self.hold.contains(&part);
         Ok(FitOptions {
-            shape: Shape { sigma_px: self.size, drift_px: [0.0; 2], blur_px: None, lens_px: Default::default() },
+            shape: Shape {
+                sigma_px: self.size,
+                drift_px: [0.0; 2],
+                blur_px: None,
+                pattern: None,
+                lens_px: Default::default(),
+            },
             free: Free {
                 size: is_free(Hold::Size),
                 sizes: is_free(Hold::Sizes),

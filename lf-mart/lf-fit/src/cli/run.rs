@@ -137,7 +137,7 @@ fn statistics(view: &CameraView) -> Value {
 
 /// Warns of what a camera alone had against its model or its first particles. `name` is that of one of several cameras.
 fn warn_of_doubts(doubts: Doubts, view: &CameraView, name: &str, session: &mut Session) {
-    let Doubts { misfit_sharp, missing } = doubts;
+    let Doubts { misfit_sharp, misfit_far, missing } = doubts;
     if let Some(missing) = missing {
         session.warn(format!(
             "{name}the particles of --start are not those of this image: {missing} others were beside them; the fit began \
@@ -149,6 +149,12 @@ fn warn_of_doubts(doubts: Doubts, view: &CameraView, name: &str, session: &mut S
             "{name}the image is blurred and camera.json does not say so: chi2 was {before:.2}; fitted with diffraction of \
              green light and a blur of {sigma_px:.2} px; give camera.json a block 'blur' with wavelength_nm and sigma_px \
              (lf-calib nominal --wavelength)"
+        ));
+    }
+    if let Some(before) = misfit_far {
+        session.warn(format!(
+            "{name}lenslets show Fresnel's pattern and camera.json does not say so: chi2 was {before:.2} with the far field; \
+             the fit follows it; give the block 'blur' of camera.json a \"pattern\": \"fresnel\", which saves the search"
         ));
     }
 }
