@@ -11,7 +11,15 @@ WAVELENGTH_NM, BLUR_PX = 532, 0.3
 SENSOR = {"photon_noise": True, "gain_counts_per_electron": 0.5, "read_noise_electrons": 3, "bits": 12, "dark_counts": 40}
 WHITE, WHITES = {"counts": 2000, "rays_per_lenslet": 200000}, 2
 SIDE = 560  # px
-BLUR = f'camera.blur={{"wavelength_nm": {WAVELENGTH_NM}, "sigma_px": {BLUR_PX}}}'
+LIGHT = {"wavelength_nm": WAVELENGTH_NM}
+
+
+def blurred(sigma_px):
+    """The block `blur` of a camera."""
+    return LIGHT | {"sigma_px": sigma_px}
+
+
+BLUR = f"camera.blur={json.dumps(blurred(BLUR_PX))}"
 NOISE = f"sensor_noise={json.dumps(SENSOR)}"
 DARK = f'sensor_noise={{"dark_counts": {SENSOR["dark_counts"]}}}'
 
@@ -51,7 +59,7 @@ def render(folder, case, density, seed, *keys, base="uniform", frames=1, blur_px
            sensor=SENSOR):
     """Frames, their dark frame, and what a laboratory knows of the camera: calibrated.json. blur_px None: an ideal lens."""
     half = half_mm / case.magnification
-    blur = [] if blur_px is None else [f'camera.blur={{"wavelength_nm": {WAVELENGTH_NM}, "sigma_px": {blur_px}}}']
+    blur = [] if blur_px is None else [f"camera.blur={json.dumps(blurred(blur_px))}"]
     # Calibration images see the same stop.
     blur += [key for key in keys if key.startswith(("second_stop=", "camera.blades=", "camera.main_lens.working"))]
     camera = [*case.keys(), *blur, f"camera.sensor.width={side}", f"camera.sensor.height={side}"]
@@ -76,6 +84,6 @@ def calibrate(folder, case, camera, noise, blur_px, side):
     Run(f"lf-calib nominal --sensor {side}x{side} --pixel 5.5um --f 200 --magnification {case.magnification} --pitch 77um "
         f"--f-number {case.f_number} --lenslet-f {77 * case.f_number}um --layout {case.layout} --aperture {case.stop} -o {nominal}")
     if blur_px is not None:
-        lab.save(nominal, lab.load(nominal) | {"blur": {"wavelength_nm": WAVELENGTH_NM, "sigma_px": BLUR_PX}})
+        lab.save(nominal, lab.load(nominal) | {"blur": blurred(BLUR_PX)})
     Run(f"lf-calib lattice {'--keep-f-number' if closed else ''}", *whites, "--dark", f"{folder}/dark.exr", "-c", nominal,
         "-o", f"{folder}/calibrated.json")
