@@ -33,6 +33,7 @@ pub(super) const FRINGES: f64 = 3.0;
 
 /// Largest difference of lambda g / p of cameras that share pictures.
 const ALIKE: f64 = 0.01;
+
 impl WaveCell {
     /// A cell of a lattice, `unit_px` being lambda g / p.
     pub(super) fn new(corners: &[DVec2], pitch_mm: f64, pattern: Diffraction) -> Self {
@@ -64,8 +65,8 @@ impl WaveCell {
         integral_of_wave(&overlap, 2.0 * PI * growth * frequency) / self.area_mm2
     }
 
-    /// The means of the pattern over pixels whose middles are `1 / per_px` px apart, row by row, from `half` pixels
-    /// before the middle on; a whole number of pixels is an odd number of half steps away. A Gaussian blurs them.
+    /// The means of the pattern, blurred by a Gaussian, over pixels whose middles are `1 / per_px` px apart: row by
+    /// row, `half` pixels on each side of its middle.
     pub(super) fn means(&self, growth: f64, blur_px: f64, half: [usize; 2], per_px: usize) -> Vec<f64> {
         let nodes = half.map(|half| 2 * half * per_px);
         let most = (FARTHEST / self.unit_px).min(0.5 * per_px as f64);

@@ -147,6 +147,9 @@ const TOGETHER: Schedule = Schedule {
 /// Fresnel's pattern is tried if differences of neighbouring pixels correlate by more than this. After the first fits
 /// the right pattern left 0.012 to 0.7, more where particles were still missing, and the wrong one 0.148 and more.
 const SUSPECT: f64 = 0.1;
+/// A shape that costs this many times as much before it is fitted is given up. The wrong pattern cost 3 times as much,
+/// the right one less than 1.2 times.
+const HOPELESS: f64 = 1.5;
 /// Name of the step that fits the shape, and of one that corrects the camera too.
 const SHAPE_STEP: &str = "size and drift";
 const CAMERA_STEP: &str = "camera";
@@ -557,7 +560,7 @@ impl<'a, 'o> Stages<'a, 'o> {
         let (before, was_settled) = (std::mem::replace(&mut self.particles, other), self.is_settled);
         self.share_light();
         let mut gain = self.sweep(FIRST_STEPS);
-        if is_fitted {
+        if is_fitted && cost(&self.particles) < HOPELESS * cost(&before) {
             self.drop_faint(FAINTEST);
             self.fit_shape_to(FIRST_SHAPE_PX)?;
             gain += self.sweep(FIRST_STEPS);
