@@ -93,7 +93,8 @@ impl Waves {
             Layout::Square => CellPattern::of_square(width),
             Layout::Hexagonal => CellPattern::of_hexagon(width),
         };
-        let pattern = self.patterns.get(rung as usize).map(|pattern| pattern.get_or_init(make));
+        let pattern = self.patterns.get(rung as usize).filter(|_| wanted.is_finite());
+        let pattern = pattern.map(|pattern| pattern.get_or_init(make));
         Shown { waves: self, pattern, width, sign: growth.signum() }
     }
 
@@ -247,6 +248,9 @@ mod tests {
                 patterns: (0..300).map(|_| OnceLock::new()).collect(),
                 edge: Edge::new(),
             };
+            for blind in [f64::NAN, f64::INFINITY, 1e9] {
+                assert_eq!(waves.show(blind).moves_mm(DVec2::ONE), DVec2::ZERO);
+            }
             for width in [0.05, 1.0, 4.0, 20.0] {
                 let shown = waves.show(width);
                 for f in [(0.1, 0.0), (0.2, 0.15), (-0.4, 0.1), (0.0, 0.6)].map(DVec2::from) {
