@@ -126,7 +126,7 @@ impl<T: Listed> LensletImage<'_, T> {
         if let Some(pictures) = self.view.pictures.as_ref().filter(|_| has_waves) {
             let growth = Self::growths(&axes, alpha).1.abs();
             let of_picture = self.find_picture((blur, growth), (pictures, ladder), &mut scratch.even);
-            lenslet.follow_waves(blur, growth, of_picture);
+            lenslet.follow_waves((blur, pictures.fringes_px()), growth, of_picture);
         }
         self.fill::<N>(&lenslet, ladder, (sensor, [columns, rows]), scratch);
         let wide = [columns + 2 * sensor.reach, rows + 2 * sensor.reach];
@@ -276,11 +276,11 @@ impl<T: Listed> LensletImage<'_, T> {
 
 impl Lenslet {
     /// Follows waves, for a shadow that grows by `growth` px a mm, by a picture of this scale.
-    fn follow_waves(&mut self, blur: &SensorBlur, growth: f64, picture: Option<f64>) {
+    fn follow_waves(&mut self, (blur, fringes_px): (&SensorBlur, f64), growth: f64, picture: Option<f64>) {
         let per_growth = if growth.is_finite() { 1.0 / growth } else { 0.0 };
         let square = per_growth * per_growth;
         self.rim_at = 1.0 - (blur.rim_px() * self.step.abs().max_element()) as f32;
-        self.corner = self.corner.map(|corner| corner + (blur.fringes_px() * per_growth) as f32);
+        self.corner = self.corner.map(|corner| corner + (fringes_px * per_growth) as f32);
         self.waves = Some(Waves {
             picture: picture.map(|scale| scale as f32),
             middle_mm2: (blur.middle_px2() * square) as f32,

@@ -25,6 +25,12 @@ pub(super) struct FineSensor {
 }
 
 impl FineSensor {
+    /// The sensor's own pixels, as a picture has them with all blur. `variance` is that of their light in the stop,
+    /// px^2.
+    pub(super) fn whole(variance: f64) -> Self {
+        Self { parts: 1, variance, reach: 0, weights: [vec![1.0], vec![]] }
+    }
+
     pub(super) fn new(sigma_px: f64) -> Self {
         let mut parts = LEAST_PARTS;
         while parts < MOST_PARTS && sigma_px * (parts as f64) < FINE_BLUR {
@@ -45,14 +51,6 @@ impl FineSensor {
         };
         let by_blur: Vec<f64> = by_square.iter().map(|by| 2.0 * whole * parts as f64 * by).collect();
         Self { parts, variance: sigma * sigma + 1.0 / 12.0, reach, weights: [sum(&rest), sum(&by_blur)] }
-    }
-}
-
-impl FineSensor {
-    /// The sensor's own pixels, as a picture has them with all blur. `variance` is that of their light in the stop,
-    /// px^2.
-    pub(super) fn whole(variance: f64) -> Self {
-        Self { parts: 1, variance, reach: 0, weights: [vec![1.0], vec![]] }
     }
 }
 

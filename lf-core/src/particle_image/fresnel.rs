@@ -20,6 +20,8 @@ use std::f64::consts::PI;
 pub(super) struct WaveCell {
     /// Corners about the middle, mm, against the clock.
     corners: Vec<DVec2>,
+    /// Normals of the sides, and the sides' distances from the middle, mm.
+    sides: Vec<(DVec2, f64)>,
     area_mm2: f64,
     /// lambda g / p, px, and how far a frequency moves the cell, mm px.
     unit_px: f64,
@@ -29,7 +31,7 @@ pub(super) struct WaveCell {
 }
 
 /// Fringes are followed this far beside the shadow, in lambda g / p.
-pub(super) const FRINGES: f64 = 3.0;
+const FRINGES: f64 = 3.0;
 
 /// Largest difference of lambda g / p of cameras that share pictures.
 const ALIKE: f64 = 0.01;
@@ -39,7 +41,12 @@ impl WaveCell {
     pub(super) fn new(corners: &[DVec2], pitch_mm: f64, pattern: Diffraction) -> Self {
         let (unit_px, middle_px) = (pattern.unit_px, pattern.core_px());
         let spread_mm = unit_px * pitch_mm;
-        Self { corners: corners.to_vec(), area_mm2: area(corners), unit_px, spread_mm, middle_px }
+        let side = |n: usize| {
+            let out = (corners[n] - corners[(n + 1) % corners.len()]).perp().normalize();
+            (out, out.dot(corners[n]))
+        };
+        let sides = (0..corners.len()).map(side).collect();
+        Self { corners: corners.to_vec(), sides, area_mm2: area(corners), unit_px, spread_mm, middle_px }
     }
 
     /// How far beside the shadow fringes are followed, px.
@@ -55,13 +62,11 @@ impl WaveCell {
     /// The transfer at a frequency, 1/px, for a shadow that grows by `growth` px a mm.
     fn transfer(&self, frequency: DVec2, growth: f64) -> f64 {
         let moved = self.spread_mm * frequency;
-        let count = self.corners.len();
         // Each side of the overlap is nearer to the middle by half of the motion across it.
-        let side = |kept: Vec<DVec2>, n: usize| {
-            let out = (self.corners[n] - self.corners[(n + 1) % count]).perp().normalize();
-            clip(&kept, out, out.dot(self.corners[n]) - 0.5 * out.dot(moved).abs())
-        };
-        let overlap = (0..count).fold(self.corners.clone(), side);
+        let overlap = self
+            .sides
+            .iter()
+            .fold(self.corners.clone(), |kept, (out, far)| clip(&kept, *out, far - 0.5 * out.dot(moved).abs()));
         integral_of_wave(&overlap, 2.0 * PI * growth * frequency) / self.area_mm2
     }
 

@@ -166,7 +166,7 @@ impl ParticleModel {
         let beam = self.tracer.beam(&self.view.optics, [0.0, 0.0, z_mm]);
         let spot = REACH_SIGMA * beam.beta * self.sigma_mm;
         let on_array = beam.alpha.abs() * self.view.optics.half_aperture_mm + spot + self.view.pitch_mm;
-        let blur_px = self.view.blur.as_ref().map_or(0.0, |blur| blur.reach_px());
+        let blur_px = self.view.blur.as_ref().map_or(0.0, |blur| blur.reach_px() + self.view.fringes_px());
         let picture = self.view.optics.demagnification * self.view.optics.half_aperture_mm + self.view.pitch_mm;
         (on_array + picture) / self.view.optics.pixel_pitch_mm + blur_px + 2.0
     }

@@ -64,6 +64,12 @@ impl Pictures {
         made.map(|picture| size_of_val(&picture.values[..])).sum()
     }
 
+    /// How far fringes lie beside a cell's shadow, px.
+    #[inline(always)]
+    pub(super) fn fringes_px(&self) -> f64 {
+        self.waves.as_ref().map_or(0.0, WaveCell::fringes_px)
+    }
+
     /// Whether there are pictures of this scale, px on the sensor a mm on the array, and blur.
     #[inline(always)]
     pub(super) fn has(&self, scale: f64, blur_px: f64) -> bool {
@@ -105,8 +111,7 @@ impl Pictures {
             let scale = WIDTHS_PX[0] * SCALE_RATIO.powi(scale as i32) / self.width_mm;
             let blur_px = BLURS_PX[0] * BLUR_RATIO.powi(blur as i32);
             let corner = half_sides(&ladder.corners) * scale;
-            let waves_px = self.waves.as_ref().map_or(0.0, WaveCell::fringes_px);
-            let reach = REACH_SIGMA * blur_px + waves_px + 1.0;
+            let reach = REACH_SIGMA * blur_px + self.fringes_px() + 1.0;
             let half = [corner.x, corner.y].map(|corner| (corner + reach).ceil() as usize);
             let means = match &self.waves {
                 None => means(ladder, scale, blur_px, half),

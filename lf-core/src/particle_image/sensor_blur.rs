@@ -1,7 +1,6 @@
 //! The blur of a sensor: how it widens the spot of a particle, and how much of a bump lies on one side of an edge.
 
 use super::fine_sensor::FineSensor;
-use super::fresnel::FRINGES;
 use crate::normal::{density, distribution};
 use crate::{Camera, halo::Halo};
 
@@ -37,7 +36,7 @@ impl SensorBlur {
         (sigma_px > 0.0).then(|| {
             // Pictures of waves have all light.
             let waves = camera.fresnel();
-            let halo = Halo::new(camera).filter(|_| waves.is_none());
+            let halo = if waves.is_some() { None } else { Halo::new(camera) };
             let share = halo.as_ref().map_or(1.0, Halo::middle_share);
             let unit_px = waves.map_or(0.0, |pattern| pattern.unit_px);
             let gaussian_px = camera.blur.map_or(0.0, |blur| blur.sigma_px);
@@ -51,7 +50,7 @@ impl SensorBlur {
     /// Pixels beyond a sharp image that light reaches.
     #[inline(always)]
     pub(super) fn reach_px(&self) -> f64 {
-        REACH * self.sigma_px + self.fringes_px()
+        REACH * self.sigma_px
     }
 
     /// Variance of the pixel and of the blur that widens the light of a place in the stop, px^2.
@@ -70,12 +69,6 @@ impl SensorBlur {
     #[inline(always)]
     pub(super) fn rim_px(&self) -> f64 {
         RIM * self.unit_px
-    }
-
-    /// How far fringes lie beside a cell's shadow, px.
-    #[inline(always)]
-    pub(super) fn fringes_px(&self) -> f64 {
-        FRINGES * self.unit_px
     }
 }
 

@@ -30,7 +30,7 @@ impl View {
     /// How far fringes are followed beside a cell's shadow, px.
     #[inline(always)]
     pub(super) fn fringes_px(&self) -> f64 {
-        self.blur.as_ref().map_or(0.0, SensorBlur::fringes_px)
+        self.pictures.as_ref().map_or(0.0, |pictures| pictures.fringes_px())
     }
 
     /// Whether pictures follow waves: then no other image does.

@@ -24,7 +24,7 @@ pub(super) struct Waves {
     turn: DMat2,
     pitch_mm: f64,
     /// lambda g / p, mm.
-    pub(super) unit_mm: f64,
+    unit_mm: f64,
     /// How far a place in the stop moves light on the sensor.
     demagnification: f64,
     /// Patterns by their b, made when first asked for.
