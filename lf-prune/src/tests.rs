@@ -195,6 +195,10 @@ fn the_voxel_that_lit_the_image_is_kept() {
     }
 }
 
+fn automatic(image: &Array2<f32>, camera: &Camera, score: Score) -> Automatic {
+    Automatic::new(image.view(), lf_core::image::noise(image.view()), camera, score)
+}
+
 #[test]
 fn black_images_keep_nothing() {
     let support = prune(&Array2::zeros((252, 280)), &camera("circle", "square", 0.0), &grid(), &PLAIN).unwrap();
@@ -213,14 +217,12 @@ fn the_threshold_follows_the_light_and_the_noise() {
         image
     };
     for scale in [1.0, 1e-20, 1e20] {
-        let found = Automatic::new(block(scale).view(), &camera("square", "square", 0.0), Score::Geometric);
+        let image = block(scale);
+        let found = automatic(&image, &camera("square", "square", 0.0), Score::Geometric);
         assert!((found.noise * 200.0 - 3.1).abs() < 0.1, "{found:?}");
         assert!((found.threshold * 200.0 - 0.2 * 86.7).abs() < 1.0, "{found:?}");
     }
-    assert_eq!(
-        Automatic::new(Array2::zeros((3, 3)).view(), &camera("square", "square", 0.0), Score::Geometric).threshold,
-        0.0
-    );
+    assert_eq!(automatic(&Array2::zeros((3, 3)), &camera("square", "square", 0.0), Score::Geometric).threshold, 0.0);
 }
 
 /// Three places: one lies in a voxel that is kept, one in a voxel that is not, and one outside.
@@ -466,7 +468,7 @@ fn dark_sections_veto_no_voxel() {
         let whole = lit(&camera, &places, &[200]);
         for image in [lit(&smaller, &places, &[200]), shadowed(&whole, &camera, |stop| stop.y < 0.0)] {
             for score in [Score::Geometric, Score::Share(0.1)] {
-                let threshold = Automatic::new(image.view(), &camera, score).threshold;
+                let threshold = automatic(&image, &camera, score).threshold;
                 let options =
                     PruneOptions { score, threshold, dark: threshold / 50.0, bright: 2.0 * threshold, ..PLAIN };
                 let support = prune(&image, &camera, &grid, &options).unwrap();

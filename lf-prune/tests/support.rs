@@ -68,6 +68,52 @@ fn a_bright_particle_hides_no_faint_ones() {
     assert!(shallow.stderr.contains("seen by no kept voxel"), "{}", shallow.stderr);
 }
 
+/// Scar: of 54 particles, the logarithms of whose light have a standard deviation of 2, 8 were lost.
+#[test]
+fn particles_of_mixed_light_stay() {
+    let bench = Workbench::new(env!("CARGO_BIN_EXE_lf-prune"));
+    let keys = [
+        "camera.sensor.width=476",
+        "camera.sensor.height=420",
+        "volume.x_mm=[-0.5,0.5]",
+        "volume.y_mm=[-0.4,0.4]",
+        "camera.blur={\"wavelength_nm\": 532, \"sigma_px\": 0.3}",
+        "sensor_noise={\"photon_noise\": true, \"read_noise_electrons\": 3}",
+        "particles.per_lenslet=0.4",
+        "particles.intensity_spread=2",
+        "particles.rays=30000",
+        "frames=1",
+        "seed=10",
+    ];
+    bench.scene("core", &keys);
+    Call::new("lf-synth").within(bench.root()).words(["frames", "scene.json", "-o", "scene"]).run().done();
+    bench.done(&format!("{CALL} --truth scene/particles.csv --stats stats.json -o support.lfv -q"));
+    let counts = &bench.json("stats.json")["counts"];
+    assert!(counts["particles"] == 54 && counts["lost_particles"].as_u64().unwrap() <= 1, "{counts}");
+    assert!(counts["kept"].as_f64().unwrap() < 0.1 * counts["voxels"].as_f64().unwrap(), "{counts}");
+}
+
+/// Noise of a sensor whose offset was subtracted: half of the dark pixels are below zero. Few particles are usual light
+/// all the same, and all light above the noise is theirs.
+#[test]
+fn noise_about_zero_is_no_light() {
+    let bench = bench_of("0.02");
+    let noise = r#"sensor_noise={"photon_noise": true, "gain_counts_per_electron": 0.5, "read_noise_electrons": 3,
+        "dark_counts": 40}"#;
+    let density = "particles.per_lenslet=0.02";
+    bench.scene("demo", &["frames=1", density, noise, SIDE[0], SIDE[1], SIDE[2], SIDE[3]]);
+    Call::new("lf-synth").within(bench.root()).words(["frames", "scene.json", "-o", "scene"]).run().done();
+    let mut frame = image::open(&bench.path("scene/frame-0000.exr")).unwrap();
+    frame.pixels.fill(40.0);
+    image::save(&bench.path("dark.exr"), &frame.pixels, &frame.history).unwrap();
+    let found =
+        bench.done(&format!("{CALL} -b dark.exr --truth scene/particles.csv --stats stats.json -o support.lfv"));
+    assert!(!found.stderr.contains("warning"), "{}", found.stderr);
+    let counts = &bench.json("stats.json")["counts"];
+    assert!(counts["particles"].as_u64().unwrap() > 1 && counts["lost_particles"] == 0, "{counts}");
+    assert!(counts["explained_light"].as_f64().unwrap() > 0.98, "{counts}");
+}
+
 /// A bright reflection under the mask changes nothing, and its voxels are judged by what other pixels see of them.
 /// Without the mask it changes the support.
 #[test]

@@ -2,6 +2,7 @@
 
 use super::black::ClippedBlack;
 use super::clipped::clipped_share;
+use super::noise::noise;
 use super::{
     channel::Channel,
     decode::{Image, damaged, finite, guarded},
@@ -65,6 +66,8 @@ pub struct Frame {
     pub clipped: Option<(f32, f64)>,
     /// Its black level, if it was clipped when the frame was taken.
     pub black: Option<ClippedBlack>,
+    /// Standard deviation of a dark pixel, counts: [`noise`], before pixels are clipped or set to 0.
+    pub noise: f64,
     /// Counts of the background over those of the frame.
     pub background_share: Option<f64>,
 }
@@ -124,6 +127,7 @@ fn read_frame(
         background_share = Some(all_counts(&dark) / all_counts(&image.pixels).max(f64::MIN_POSITIVE));
         image.pixels -= &dark;
     }
+    let noise = black.map_or_else(|| noise(image.pixels.view()), |black| black.noise);
     if !is_signed {
         image.pixels.mapv_inplace(|pixel| if pixel < 0.0 { 0.0 } else { pixel });
     }
@@ -146,7 +150,7 @@ fn read_frame(
         }
     }
     let flat = flat.filter(|_| is_signed);
-    Ok(Frame { pixels: image.pixels, flat, history: image.history, clipped, black, background_share })
+    Ok(Frame { pixels: image.pixels, flat, history: image.history, clipped, black, noise, background_share })
 }
 
 /// The sum of an image's finite pixels.

@@ -6,6 +6,7 @@ mod arguments;
 mod preset;
 mod pvr;
 mod run;
+mod threshold;
 mod warnings;
 
 pub use run::main;

@@ -1,7 +1,7 @@
 //! Reads image and camera, prunes, and writes the support.
 
 use super::again::{self, Frame, Pruned};
-use super::{arguments::Arguments, warnings};
+use super::{arguments::Arguments, threshold, warnings};
 use lf_core::image::{self, FrameFiles};
 use lf_core::{Camera, Grid, Result, Session, Tile, Verdict, cli, io, particles, volume, weights::aperture_sections};
 use lf_prune::{Automatic, PruneOptions, PrunePlan, Region, Support};
@@ -36,19 +36,20 @@ fn run(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
     allow(PrunePlan::list_bytes(&grid), arguments, &grid)?;
     session.warn_of_frame(&image, &camera, arguments.background.is_some());
     warnings::warn_of_voxels(&grid, &camera, session);
-    let found = Automatic::new(pixels, &camera, arguments.scored_by());
-    let threshold = arguments.typed_threshold().unwrap_or_else(|| explain_threshold(&found, arguments, session));
-    let options = arguments.options(threshold);
+    let found = Automatic::new(pixels, image.noise, &camera, arguments.scored_by());
     let tile = tile(arguments, &camera, &grid)?;
     let whole = || vec![[0..grid.shape[0], 0..grid.shape[1]]; grid.shape[2]];
     let regions: Vec<Region> = tile.as_ref().map_or_else(whole, |tile| tile.held(&camera, &grid));
     let refused = |refusal: lf_core::Refusal| refusal.about(arguments.grid_subject());
+    let first = arguments.options(found.threshold);
+    let plan = PrunePlan::new(&camera, &grid, &regions, &first).map_err(refused)?;
+    allow(plan.bytes(pixels.len(), 0.0) as f64, arguments, &grid)?;
+    let options = threshold::options(arguments, &found, &camera, &grid, pixels, session).map_err(refused)?;
     let plan = PrunePlan::new(&camera, &grid, &regions, &options).map_err(refused)?;
     explain_plan(arguments, &plan, &camera, session);
     if let Some(tile) = &tile {
         explain_tile(tile, session);
     }
-    allow(plan.bytes(pixels.len(), 0.0) as f64, arguments, &grid)?;
     let may_exceed = allow(plan.bytes(pixels.len(), plan.voxels() as f64) as f64, arguments, &grid).is_err();
     if arguments.estimate || may_exceed {
         let kept = session.phase("forecast", |_| plan.estimated_kept(pixels).map_err(refused))?;
@@ -93,16 +94,6 @@ fn run(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
 /// Refuses a grid that takes more bytes than allowed.
 fn allow(bytes: f64, arguments: &Arguments, grid: &Grid) -> Result<()> {
     cli::check_memory(arguments.memory, bytes, arguments.grid_subject(), || format!("a {grid}"))
-}
-
-fn explain_threshold(found: &Automatic, arguments: &Arguments, session: &mut Session) -> f64 {
-    session.count("noise", found.noise);
-    session.count("threshold", found.threshold);
-    let of_light = format!("{:.0} % of the light's usual brightness", 100.0 * Automatic::share(arguments.scored_by()));
-    let by = if found.threshold > found.noise { of_light } else { "the noise".to_string() };
-    let [threshold, noise] = [found.threshold, found.noise].map(|share| 100.0 * share);
-    session.explain(format!("threshold {threshold:.2} % of the brightest pixel, {by}; noise {noise:.2} %"));
-    found.threshold
 }
 
 fn tile(arguments: &Arguments, camera: &Camera, grid: &Grid) -> Result<Option<Tile>> {
