@@ -20,6 +20,7 @@ use crate::search::tile_fit::{Changed, TileFit};
 use crate::search::tiles::Tile;
 use crate::shared::align::align;
 use crate::shared::sample::Sample;
+use crate::shared::shape_fit::STEP_PX;
 use crate::solve::covariance::Prior;
 use crate::solve::joint::StopRule;
 use crate::solve::{parts, untold};
@@ -147,9 +148,6 @@ const TOGETHER: Schedule = Schedule {
 /// Fresnel's pattern is tried if differences of neighbouring pixels correlate by more than this. After the first fits
 /// the right pattern left 0.012 to 0.7, more where particles were still missing, and the wrong one 0.148 and more.
 const SUSPECT: f64 = 0.1;
-/// A shape that costs this many times as much before it is fitted is given up. The wrong pattern cost 3 times as much,
-/// the right one less than 1.2 times.
-const HOPELESS: f64 = 1.5;
 /// Name of the step that fits the shape, and of one that corrects the camera too.
 const SHAPE_STEP: &str = "size and drift";
 const CAMERA_STEP: &str = "camera";
@@ -436,6 +434,7 @@ impl<'a, 'o> Stages<'a, 'o> {
         let Schedule { round: name, least_rounds, .. } = *self.schedule;
         self.is_stopped = false;
         let (mut misfit, mut alike) = (f64::INFINITY, f64::INFINITY);
+        let mut is_fruitful = false;
         for round in first..self.options.rounds {
             let changes = self.round();
             self.find_noise();
@@ -450,11 +449,16 @@ impl<'a, 'o> Stages<'a, 'o> {
             }
             let residual = self.particles.cameras.residual();
             if round + 1 >= least_rounds {
-                let count = changes.dropped + changes.split;
-                match self.input.take().filter(|_| residual.has_light()) {
-                    // Beside bright particles, faint ones were no maxima.
-                    Some(input) => _ = self.add_what_is_left(input)?,
-                    None if (count as f64) < QUIET * self.particles.list.len() as f64 => break,
+                let is_done = self.is_few(changes.dropped + changes.split);
+                match self.input.filter(|_| is_fruitful || self.particles.cameras.has_light_left()) {
+                    // Beside bright particles, faint ones were no maxima. The next round fits them.
+                    Some(input) => {
+                        let added = self.add_what_is_left(input)?;
+                        is_fruitful = !self.is_few(added);
+                        self.input = Some(input).filter(|_| is_fruitful);
+                        continue;
+                    }
+                    None if is_done => break,
                     None => {}
                 }
             }
@@ -511,18 +515,28 @@ impl<'a, 'o> Stages<'a, 'o> {
         let misfit = self.particles.cameras.misfit();
         // A size that was found without a blur is too large.
         let shape = Shape { sigma_px: self.options.shape.sigma_px, ..shape.blurred() };
-        let names = ["fit with a blur", "fit with a blur, given up"];
-        let cost =
-            |particles: &Particles| particles.cameras.first().sum_of_squares() + GAIN * particles.list.len() as f64;
-        let [is_better, is_taken] = self.try_shape((shape, false), (maxima, most), cost, names)?;
+        let squares = |particles: &Particles| particles.cameras.first().sum_of_squares();
+        let count = |particles: &Particles| particles.list.len() as f64;
+        let cost = |particles: &Particles| squares(particles) + GAIN * count(particles);
+        let blurred = self.anew(shape, maxima)?;
+        let sharp = std::mem::replace(&mut self.particles, blurred);
+        self.share_light();
+        let gain = self.sweep(FIRST_STEPS);
+        let is_better = cost(&self.particles) < cost(&sharp);
+        let is_taken = is_better && count(&self.particles) <= most * count(&sharp);
+        let what = if is_taken { "fit with a blur" } else { "fit with a blur, given up" };
+        self.report(what, Changes { gain, ..Changes::default() });
         if is_taken {
+            self.find_noise();
             self.doubts.misfit_sharp = Some(misfit);
+        } else {
+            self.particles = sharp;
         }
         Ok(is_better && !is_taken)
     }
 
-    /// Begins anew with Fresnel's pattern in lenslets if the far field does not explain the image, Fresnel's does
-    /// better, and the camera names neither.
+    /// Begins anew with Fresnel's pattern in lenslets if the far field does not explain the image, Fresnel's explains
+    /// a sample of it better, and the camera names neither.
     fn try_fresnel(&mut self, maxima: &[Particle]) -> Result<(), Refusal> {
         let view = self.particles.cameras.first();
         let blur = view.shape.camera(view.camera).blur;
@@ -532,48 +546,33 @@ impl<'a, 'o> Stages<'a, 'o> {
         if !is_complete || !is_open || self.particles.cameras.residual().beside < SUSPECT {
             return Ok(());
         }
-        let (shape, misfit) = (view.shape, self.particles.cameras.misfit());
-        let sigma_px = self.options.shape.sigma_px;
-        let shape = Shape { pattern: Some(LensletPattern::Fresnel), sigma_px, ..shape };
-        self.sweep(FIRST_STEPS);
-        let names = ["fit with Fresnel's pattern", "fit with Fresnel's pattern, given up"];
-        // The noise is that of the far field for both. Far from their images, particles have no light by Fresnel's.
-        let cost = |particles: &Particles| particles.cameras.misfit();
-        let [_, is_taken] = self.try_shape((shape, true), (maxima, f64::INFINITY), cost, names)?;
-        if is_taken {
-            self.doubts.misfit_far = Some(misfit);
+        let (far, misfit) = (view.shape, self.particles.cameras.misfit());
+        let fresnel = Shape { pattern: Some(LensletPattern::Fresnel), ..far };
+        // The noise is that of the far field for both. After one step frames in Fresnel's pattern had 0.13 to 0.75 of
+        // the misfit, frames in the far field twice and more.
+        let misfit_after_step = |shape: Shape| -> Result<Option<f64>, Refusal> {
+            let Some(sample) = self.sample(shape, self.free)? else { return Ok(None) };
+            Ok(Some(sample.fit(STEP_PX)?.misfit))
+        };
+        let (Some(by_far), Some(by_fresnel)) = (misfit_after_step(far)?, misfit_after_step(fresnel)?) else {
+            return Ok(());
+        };
+        if by_fresnel > by_far {
+            return Ok(());
         }
+        self.particles = self.anew(Shape { sigma_px: self.options.shape.sigma_px, ..fresnel }, maxima)?;
+        self.share_light();
+        self.fit("fit with Fresnel's pattern", FIRST_STEPS);
+        self.find_noise();
+        self.drop_faint(FAINTEST);
+        self.fit_shape_to(FIRST_SHAPE_PX)?;
+        self.doubts.misfit_far = Some(misfit);
         Ok(())
     }
 
-    /// Begins anew with a shape, which may be fitted, and takes it if it costs less with its own particles, of which
-    /// there may be `most` times as many. Returns whether it costs less and whether it is taken.
-    fn try_shape(
-        &mut self,
-        (shape, is_fitted): (Shape, bool),
-        (maxima, most): (&[Particle], f64),
-        cost: impl Fn(&Particles) -> f64,
-        [taken, given_up]: [&'static str; 2],
-    ) -> Result<[bool; 2], Refusal> {
-        let count = |particles: &Particles| particles.list.len() as f64;
-        let other = self.anew(shape, maxima)?;
-        let (before, was_settled) = (std::mem::replace(&mut self.particles, other), self.is_settled);
-        self.share_light();
-        let mut gain = self.sweep(FIRST_STEPS);
-        if is_fitted && cost(&self.particles) < HOPELESS * cost(&before) {
-            self.drop_faint(FAINTEST);
-            self.fit_shape_to(FIRST_SHAPE_PX)?;
-            gain += self.sweep(FIRST_STEPS);
-        }
-        let is_better = cost(&self.particles) < cost(&before);
-        let is_taken = is_better && count(&self.particles) <= most * count(&before);
-        self.report(if is_taken { taken } else { given_up }, Changes { gain, ..Changes::default() });
-        if is_taken {
-            self.find_noise();
-        } else {
-            (self.particles, self.is_settled) = (before, was_settled);
-        }
-        Ok([is_better, is_taken])
+    /// Whether a round that changes this number of particles changes little.
+    fn is_few(&self, count: usize) -> bool {
+        (count as f64) < QUIET * self.particles.list.len() as f64
     }
 
     /// Whether the list has one camera.
@@ -641,6 +640,12 @@ impl<'a, 'o> Stages<'a, 'o> {
         Ok(true)
     }
 
+    /// The parts of the first sensor from which a shape is found, by a camera of this shape.
+    fn sample(&self, shape: Shape, free: Free) -> Result<Option<Sample<'a>>, Refusal> {
+        let Particles { cameras, list, reach_px, .. } = &self.particles;
+        Sample::new(cameras, shape, (list, *reach_px), free)
+    }
+
     /// Fits the shape of the first camera.
     fn fit_shape(&mut self) -> Result<(), Refusal> {
         self.fit_shape_to(0.0)
@@ -648,14 +653,13 @@ impl<'a, 'o> Stages<'a, 'o> {
 
     /// Like [`Self::fit_shape`]; a step below `enough_px` pixels is the last.
     fn fit_shape_to(&mut self, enough_px: f64) -> Result<(), Refusal> {
-        let Particles { cameras, list, reach_px, .. } = &self.particles;
-        let shape = cameras.first().shape;
+        let shape = self.particles.cameras.first().shape;
         if !self.free.shapes(&shape).contains(&true) {
             return Ok(());
         }
-        let Some(sample) = Sample::new(cameras, list, *reach_px, self.free)? else { return Ok(()) };
+        let Some(sample) = self.sample(shape, self.free)? else { return Ok(()) };
         let found = sample.fit(enough_px)?;
-        if found.shape.is_beyond(&cameras.first().shape, found.std_px) {
+        if found.shape.is_beyond(&shape, found.std_px) {
             self.particles.is_whole.fill(false);
             self.is_stale = true;
         }
@@ -673,8 +677,7 @@ impl<'a, 'o> Stages<'a, 'o> {
         let given = self.free.lens;
         while self.free.camera && self.is_alone() {
             let all = Free { lens: [true; LENSES], ..self.free };
-            let Particles { cameras, list, reach_px, .. } = &self.particles;
-            let Some(sample) = Sample::new(cameras, list, *reach_px, all)? else { break };
+            let Some(sample) = self.sample(self.particles.cameras.first().shape, all)? else { break };
             let Some(likely) = sample.cause()?.filter(|k| !self.free.lens[*k]) else { break };
             let (before, free) = (self.particles.clone(), self.free);
             self.free.lens[likely] = true;
@@ -830,9 +833,8 @@ impl<'a, 'o> Stages<'a, 'o> {
         if !self.options.evidence || !self.is_alone() {
             return Ok(None);
         }
-        let Particles { cameras, list, reach_px, .. } = &self.particles;
         let free = Free { lens: [self.free.camera; LENSES], ..self.free };
-        let Some(sample) = Sample::new(cameras, list, *reach_px, free)? else { return Ok(None) };
-        Ok(Some(Evidence { chi2: cameras.misfit(), ..sample.evidence(excess)? }))
+        let Some(sample) = self.sample(self.particles.cameras.first().shape, free)? else { return Ok(None) };
+        Ok(Some(Evidence { chi2: self.particles.cameras.misfit(), ..sample.evidence(excess)? }))
     }
 }

@@ -216,24 +216,33 @@ impl<'a> CameraView<'a> {
     }
 
     /// Expected counts above which a pixel is lit.
-    fn lit(&self) -> f32 {
+    pub(crate) fn lit(&self) -> f32 {
         LIT * self.noise.gain.max(self.noise.read_variance.sqrt()) as f32
     }
 
     /// Differences over standard deviations in a row, cut at the root of the largest square; NaN where a pixel is blind
     /// or not lit. Empty beside the image's edges, without the pixels at its ends.
     pub(crate) fn differences(&self, row: usize) -> Vec<f32> {
+        self.differences_above(row, self.lit())
+    }
+
+    /// Like [`Self::differences`], for the pixels that are expected to have more than `least` counts.
+    pub(crate) fn differences_above(&self, row: usize, least: f32) -> Vec<f32> {
         if !self.inner(0).contains(&row) {
             return Vec::new();
         }
-        let (lit, most, inner) = (self.lit(), MOST_SQUARE.sqrt(), self.inner(1));
+        let inner = self.inner(1);
         let expected = &self.expected[row * self.image.ncols()..][inner.clone()];
         let pixels = self.image.slice(s![row, inner]).into_iter().zip(expected);
-        let of_pixel = |(seen, light): (&f32, &f32)| {
-            let difference = ((seen - light) / self.noise.variance(*light).sqrt()).clamp(-most, most);
-            if *light > lit { difference } else { f32::NAN }
-        };
-        pixels.map(of_pixel).collect()
+        pixels.map(|(seen, light)| self.difference(*seen, *light, least)).collect()
+    }
+
+    /// The difference of a pixel over its standard deviation, cut at the root of the largest square; NaN if it is blind
+    /// or expected to have no more than `least` counts.
+    pub(crate) fn difference(&self, seen: f32, light: f32, least: f32) -> f32 {
+        let most = MOST_SQUARE.sqrt();
+        let difference = ((seen - light) / self.noise.variance(light).sqrt()).clamp(-most, most);
+        if light > least { difference } else { f32::NAN }
     }
 }
 

@@ -1,6 +1,6 @@
 //! The parts of one camera's sensor from which the shape is found, and the particles that they see.
 
-use crate::cameras::shape::Free;
+use crate::cameras::shape::{Free, Shape};
 use crate::cameras::view::Cameras;
 use crate::model::particle_image::ParticleImage;
 use crate::model::window::{Rectangle, Window};
@@ -62,15 +62,15 @@ pub(crate) fn sample_parts(size: [usize; 2], particles: usize, reach_px: usize, 
 }
 
 impl<'a> Sample<'a> {
-    /// The parts of the first camera's sensor that see particles. None if none does.
+    /// The parts of the first camera's sensor that see particles, by a camera of this shape. None if none does.
     pub(crate) fn new(
         cameras: &Cameras<'a>,
-        particles: &[Particle],
-        reach_px: usize,
+        shape: Shape,
+        (particles, reach_px): (&[Particle], usize),
         free: Free,
     ) -> Result<Option<Self>, Refusal> {
         let view = cameras.first();
-        let own = Cameras { views: vec![view.reshaped(view.shape, view.depth_mm)?] };
+        let own = Cameras { views: vec![view.reshaped(shape, view.depth_mm)?] };
         let rectangles = sample_parts(view.size(), particles.len(), reach_px, free.lens.contains(&true));
         let parts = rectangles.iter().map(|part| SamplePart::new(cameras, &own, particles, reach_px, *part));
         let parts: Vec<SamplePart> = parts.filter(|part| !part.particles.is_empty()).collect();
@@ -119,7 +119,7 @@ impl SamplePart {
             }
             *light = *stray;
         }
-        if let Some(halo) = &view.halo {
+        if let (Some(halo), true) = (&view.halo, own.first().model.halo().is_some()) {
             for (n, light) in window.light.iter_mut().enumerate() {
                 *light += halo[(low[1] + n / window.columns) * size[0] + low[0] + n % window.columns];
             }

@@ -4,7 +4,7 @@
 use super::sample::{Sample, SamplePart};
 use crate::cameras::lens::lens;
 use crate::cameras::shape::{ANALYTIC, SHAPES, Shape};
-use crate::cameras::view::Cameras;
+use crate::cameras::view::{CameraView, Cameras};
 use crate::model::buffers::FitBuffers;
 use crate::model::particle_image::{ParticleImage, Slopes, UNKNOWNS};
 use crate::solve::joint::{DAMPING, LEAST_DAMPING, LESS, MORE};
@@ -18,7 +18,7 @@ use rayon::prelude::*;
 /// Particles that are rendered before their derivatives are added up; bounds the memory.
 const AT_ONCE: usize = 64;
 /// Longest step, pixels.
-const STEP_PX: f64 = 0.1;
+pub(crate) const STEP_PX: f64 = 0.1;
 /// Largest number of shorter steps, and of all steps: an error of several pixels is followed to its end.
 const STEPS: usize = 10;
 const ALL_STEPS: usize = 100;
@@ -38,6 +38,8 @@ pub(crate) struct FoundShape {
     pub(crate) std_px: [f64; SHAPES],
     /// Whether the last step was below the uncertainty.
     pub(crate) is_settled: bool,
+    /// Mean squared difference over variance where light is expected.
+    pub(crate) misfit: f64,
 }
 
 impl Sample<'_> {
@@ -84,7 +86,11 @@ impl Sample<'_> {
                 break;
             }
         }
-        Ok(FoundShape { shape: self.cameras.first().shape, std_px: std, is_settled })
+        let view = self.cameras.first();
+        let squares: Vec<f64> =
+            self.parts.iter().zip(&state.parts).flat_map(|(part, state)| part.squares(view, state)).collect();
+        let misfit = squares.iter().sum::<f64>() / squares.len().max(1) as f64;
+        Ok(FoundShape { shape: view.shape, std_px: std, is_settled, misfit })
     }
 
     /// Renders the particles. Slopes by parameters of the camera are those of one particle in `every`, if they do not
@@ -183,6 +189,15 @@ impl SamplePart {
             }
         }
         PartState { images, by_shape }
+    }
+
+    /// Squared differences over variances where light is expected.
+    fn squares(&self, view: &CameraView, state: &PartState) -> Vec<f64> {
+        let mut expected = self.window.light.clone();
+        state.images.iter().for_each(|image| image.add_to(&mut expected, self.window.columns, 1.0));
+        let pixels =
+            self.window.seen.iter().zip(&expected).map(|(seen, light)| view.difference(*seen, *light, view.lit()));
+        pixels.filter(|difference| !difference.is_nan()).map(|difference| f64::from(difference).powi(2)).collect()
     }
 
     /// The light of one particle in `every` in the window.
