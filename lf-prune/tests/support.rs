@@ -14,10 +14,14 @@ fn bench() -> Workbench {
 }
 
 fn bench_of(per_lenslet: &str) -> Workbench {
-    let bench = Workbench::new(env!("CARGO_BIN_EXE_lf-prune"));
     let density = format!("particles.per_lenslet={per_lenslet}");
-    let others = ["particles.rays=20000", "frames=1", &density];
-    bench.scene("demo", &[&SIDE[..], &others].concat());
+    rendered("demo", &[&SIDE[..], &["particles.rays=20000", &density]].concat())
+}
+
+/// A frame of a ready scene with other keys.
+fn rendered(name: &str, keys: &[&str]) -> Workbench {
+    let bench = Workbench::new(env!("CARGO_BIN_EXE_lf-prune"));
+    bench.scene(name, &[keys, &["frames=1"]].concat());
     Call::new("lf-synth").within(bench.root()).words(["frames", "scene.json", "-o", "scene"]).run().done();
     bench
 }
@@ -71,7 +75,6 @@ fn a_bright_particle_hides_no_faint_ones() {
 /// Scar: of 54 particles, the logarithms of whose light have a standard deviation of 2, 8 were lost.
 #[test]
 fn particles_of_mixed_light_stay() {
-    let bench = Workbench::new(env!("CARGO_BIN_EXE_lf-prune"));
     let keys = [
         "camera.sensor.width=476",
         "camera.sensor.height=420",
@@ -82,11 +85,9 @@ fn particles_of_mixed_light_stay() {
         "particles.per_lenslet=0.4",
         "particles.intensity_spread=2",
         "particles.rays=30000",
-        "frames=1",
         "seed=10",
     ];
-    bench.scene("core", &keys);
-    Call::new("lf-synth").within(bench.root()).words(["frames", "scene.json", "-o", "scene"]).run().done();
+    let bench = rendered("core", &keys);
     bench.done(&format!("{CALL} --truth scene/particles.csv --stats stats.json -o support.lfv -q"));
     let counts = &bench.json("stats.json")["counts"];
     assert!(counts["particles"] == 54 && counts["lost_particles"].as_u64().unwrap() <= 1, "{counts}");
@@ -97,12 +98,9 @@ fn particles_of_mixed_light_stay() {
 /// all the same, and all light above the noise is theirs.
 #[test]
 fn noise_about_zero_is_no_light() {
-    let bench = bench_of("0.02");
     let noise = r#"sensor_noise={"photon_noise": true, "gain_counts_per_electron": 0.5, "read_noise_electrons": 3,
         "dark_counts": 40}"#;
-    let density = "particles.per_lenslet=0.02";
-    bench.scene("demo", &["frames=1", density, noise, SIDE[0], SIDE[1], SIDE[2], SIDE[3]]);
-    Call::new("lf-synth").within(bench.root()).words(["frames", "scene.json", "-o", "scene"]).run().done();
+    let bench = rendered("demo", &[&SIDE[..], &["particles.per_lenslet=0.02", noise]].concat());
     let mut frame = image::open(&bench.path("scene/frame-0000.exr")).unwrap();
     frame.pixels.fill(40.0);
     image::save(&bench.path("dark.exr"), &frame.pixels, &frame.history).unwrap();

@@ -23,11 +23,13 @@ pub fn options(
         return Ok(arguments.options(typed));
     }
     let (usual, faint) = (arguments.options(found.threshold), arguments.options(found.faint));
-    let whole: Vec<Region> = vec![[0..grid.shape[0], 0..grid.shape[1]]; grid.shape[2]];
-    let plan = PrunePlan::new(camera, grid, &whole, &faint)?;
+    let is_affordable = || {
+        let whole: Vec<Region> = vec![[0..grid.shape[0], 0..grid.shape[1]]; grid.shape[2]];
+        let plan = PrunePlan::new(camera, grid, &whole, &faint)?;
+        Ok::<_, Refusal>(plan.estimated_kept(pixels)? <= MOST_KEPT * plan.voxels() as f64)
+    };
     let is_open = faint.threshold < usual.threshold && !usual.keep_all;
-    let is_affordable = is_open && plan.estimated_kept(pixels)? <= MOST_KEPT * plan.voxels() as f64;
-    let options = if is_affordable { faint } else { usual };
+    let options = if is_open && is_affordable()? { faint } else { usual };
     session.count("noise", found.noise);
     session.count("threshold", options.threshold);
     let of_light = if found.light > 0.0 { 100.0 * options.threshold / found.light } else { 0.0 };

@@ -87,8 +87,8 @@ impl Sample<'_> {
             }
         }
         let view = self.cameras.first();
-        let squares: Vec<f64> =
-            self.parts.iter().zip(&state.parts).flat_map(|(part, state)| part.squares(view, state)).collect();
+        let each = self.parts.iter().zip(&state.parts);
+        let squares: Vec<f64> = each.flat_map(|(part, state)| part.squares(view, state)).collect();
         let misfit = squares.iter().sum::<f64>() / squares.len().max(1) as f64;
         Ok(FoundShape { shape: view.shape, std_px: std, is_settled, misfit })
     }
