@@ -37,8 +37,8 @@ impl Session {
             self.count("clipped_share", share);
             let percent = 100.0 * share;
             self.warn(format!(
-                "{percent:.1} % of the pixels are clipped, at {level} counts: the brightest light is lost, and with it \
-                 the shape of particles; expose less or lower the gain"
+                "{percent:.1} % of the pixels are clipped, at {level} counts: the brightest light is lost; lf-fit leaves \
+                 such pixels out, volumes and their scores do not; expose less or lower the gain"
             ));
         }
         if let Some(ClippedBlack { level, share, noise, .. }) = frame.black {

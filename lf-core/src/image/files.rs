@@ -56,7 +56,8 @@ pub struct FrameFiles<'a> {
 
 /// A frame without its background.
 pub struct Frame {
-    /// Counts, shape (height, width); NaN where the pixel is blind, masked or cut by a second stop.
+    /// Counts, shape (height, width); NaN where the pixel is blind, masked, cut by a second stop, or clipped in a frame
+    /// for a fit.
     pub pixels: Array2<f32>,
     /// The flat field, if the pixels have not been divided by it.
     pub flat: Option<Array2<f32>>,
@@ -88,7 +89,7 @@ pub fn open_frame(
 /// Like [`open_frame`], but as a fit needs it. Pixels darker than the background stay negative, so that their mean is
 /// that of the light. They are not divided by the flat field, which is given along: noise is that of the counts. Where
 /// a second stop or blades cut, the flat field is what they leave. Pixels at a clipped black level get the mean of
-/// what was cut off.
+/// what was cut off, and those at a clipped brightest level become NaN.
 pub fn open_signed_frame(
     path: &Path,
     files: FrameFiles,
@@ -118,6 +119,9 @@ fn read_frame(
     }
     let clipped = clipped_share(image.pixels.view());
     let black = ClippedBlack::of(image.pixels.view());
+    if let Some((level, _)) = clipped.filter(|_| is_signed) {
+        image.pixels.mapv_inplace(|pixel| if pixel >= level { f32::NAN } else { pixel });
+    }
     if let Some(black) = black.filter(|_| is_signed) {
         black.unclip(&mut image.pixels);
     }
