@@ -19,17 +19,19 @@ import lf
 DARK, BRIGHT = 1 / 50, 2  # Limits of a pixel, in thresholds: neither a dark nor a bright pixel must decide alone.
 LIT = 0.4  # Minimum light of a section, as a share of that of three quarters of the sections.
 SEEN = 0.5  # Minimum share of a voxel's rays that must meet the sensor.
+FAINT, USUAL = 0.05, 0.2  # Thresholds over the mean brightness of the light: the lower one if it keeps few voxels.
+MOST_KEPT = 0.5  # Largest share of the voxels that the lower threshold may keep.
 
 
-def automatic(image):
-    """lf-prune's threshold, as a share of the brightest pixel: a fifth of the mean brightness of the light, or the
+def automatic(image, share):
+    """lf-prune's threshold, as a share of the brightest pixel: a share of the mean brightness of the light, or the
     noise if that is more. The noise is the scatter in the darkest twentieth of the tiles of 4 x 4 px."""
     height, width = (n - n % 4 for n in image.shape)
     tiles = image[:height, :width].reshape(height // 4, 4, width // 4, 4).swapaxes(1, 2).reshape(-1, 16)
     dark = tiles[np.argsort(tiles.mean(1))[: -(-len(tiles) // 20)]]
     noise = np.sort(dark.std(1, ddof=1))[len(dark) // 2] if len(dark) else 0
     light = image[~np.isnan(image)].astype(float)
-    return min(max(0.2 * (light**2).sum() / light.sum(), noise) / light.max(), 1.0)
+    return min(max(share * (light**2).sum() / light.sum(), noise) / light.max(), 1.0)
 
 
 def lit_sections(image, camera):
@@ -81,9 +83,15 @@ def work(options, session):
     camera = lf.Camera(options.camera)
     image, history = lf.read_frame(options.image, camera, options.background, options.channel, options.mask)
     grid = camera.grid(options.pvr, options.depth, options.bounds)
-    threshold = automatic(image) if options.threshold == "auto" else float(options.threshold)
+    if options.threshold == "auto":
+        thresholds = [automatic(image, share) for share in (FAINT, USUAL)]
+    else:
+        thresholds = [float(options.threshold)]
     with session.phase("prune"):
-        indices, scores = prune(image, camera, grid, threshold)
+        for threshold in thresholds:
+            indices, scores = prune(image, camera, grid, threshold)
+            if len(indices) <= MOST_KEPT * len(grid):
+                break
     session.counts.update(threshold=float(threshold), voxels=len(grid), kept=len(indices))
     if not len(indices):
         raise lf.Refused(f"{options.image}: no voxel survives pruning; wanted a brighter image or a lower --threshold")
