@@ -20,7 +20,6 @@ use crate::search::tile_fit::{Changed, TileFit};
 use crate::search::tiles::Tile;
 use crate::shared::align::align;
 use crate::shared::sample::Sample;
-use crate::shared::shape_fit::STEP_PX;
 use crate::solve::covariance::Prior;
 use crate::solve::joint::StopRule;
 use crate::solve::{parts, untold};
@@ -551,8 +550,7 @@ impl<'a, 'o> Stages<'a, 'o> {
         // The noise is that of the far field for both. After one step frames in Fresnel's pattern had 0.13 to 0.75 of
         // the misfit, frames in the far field twice and more.
         let misfit_after_step = |shape: Shape| -> Result<Option<f64>, Refusal> {
-            let Some(sample) = self.sample(shape, self.free)? else { return Ok(None) };
-            Ok(Some(sample.fit(STEP_PX)?.misfit))
+            self.sample(shape, self.free)?.map(Sample::misfit_after_step).transpose()
         };
         let (Some(by_far), Some(by_fresnel)) = (misfit_after_step(far)?, misfit_after_step(fresnel)?) else {
             return Ok(());

@@ -59,7 +59,7 @@ fn products(row: &[f32], next: &[f32]) -> Products {
 impl CameraView<'_> {
     /// The products of the pixels that are expected to have more than `least` counts.
     fn products(&self, least: f32) -> Products {
-        let differences = |row: usize| self.differences_above(row, least);
+        let differences = |row: usize| self.differences(row, least);
         let rows: Vec<Vec<f32>> = (0..self.image.nrows()).into_par_iter().map(differences).collect();
         let nothing = Vec::new();
         let of_row = |row: usize| products(&rows[row], rows.get(row + 1).unwrap_or(&nothing));

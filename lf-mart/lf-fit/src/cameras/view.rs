@@ -202,7 +202,7 @@ impl<'a> CameraView<'a> {
     /// Squared differences over variances of the pixels that are expected to be lit, by row: sum and number of pixels.
     fn misfits(&self) -> Vec<(f64, usize)> {
         let of_row = |row: usize| {
-            let squares = self.differences(row).into_iter().filter(|difference| !difference.is_nan());
+            let squares = self.differences(row, self.lit()).into_iter().filter(|difference| !difference.is_nan());
             squares.fold((0.0, 0), |(sum, count), difference| (sum + f64::from(difference * difference), count + 1))
         };
         (0..self.image.nrows()).into_par_iter().map(of_row).collect()
@@ -220,14 +220,9 @@ impl<'a> CameraView<'a> {
         LIT * self.noise.gain.max(self.noise.read_variance.sqrt()) as f32
     }
 
-    /// Differences over standard deviations in a row, cut at the root of the largest square; NaN where a pixel is blind
-    /// or not lit. Empty beside the image's edges, without the pixels at its ends.
-    pub(crate) fn differences(&self, row: usize) -> Vec<f32> {
-        self.differences_above(row, self.lit())
-    }
-
-    /// Like [`Self::differences`], for the pixels that are expected to have more than `least` counts.
-    pub(crate) fn differences_above(&self, row: usize, least: f32) -> Vec<f32> {
+    /// The differences of a row: see [`Self::difference`]. Empty beside the image's edges, without the pixels at its
+    /// ends.
+    pub(crate) fn differences(&self, row: usize, least: f32) -> Vec<f32> {
         if !self.inner(0).contains(&row) {
             return Vec::new();
         }

@@ -18,7 +18,7 @@ use rayon::prelude::*;
 /// Particles that are rendered before their derivatives are added up; bounds the memory.
 const AT_ONCE: usize = 64;
 /// Longest step, pixels.
-pub(crate) const STEP_PX: f64 = 0.1;
+const STEP_PX: f64 = 0.1;
 /// Largest number of shorter steps, and of all steps: an error of several pixels is followed to its end.
 const STEPS: usize = 10;
 const ALL_STEPS: usize = 100;
@@ -38,13 +38,24 @@ pub(crate) struct FoundShape {
     pub(crate) std_px: [f64; SHAPES],
     /// Whether the last step was below the uncertainty.
     pub(crate) is_settled: bool,
-    /// Mean squared difference over variance where light is expected.
-    pub(crate) misfit: f64,
 }
 
 impl Sample<'_> {
     /// Fits shape and particles. A step below `enough_px` pixels is the last.
     pub(crate) fn fit(mut self, enough_px: f64) -> Result<FoundShape, Refusal> {
+        Ok(self.find(enough_px)?.0)
+    }
+
+    /// Mean squared difference over variance where light is expected, after one step of shape and particles.
+    pub(crate) fn misfit_after_step(mut self) -> Result<f64, Refusal> {
+        let (_, state) = self.find(STEP_PX)?;
+        let (view, each) = (self.cameras.first(), self.parts.iter().zip(&state.parts));
+        let squares: Vec<f64> = each.flat_map(|(part, state)| part.squares(view, state)).collect();
+        Ok(squares.iter().sum::<f64>() / squares.len().max(1) as f64)
+    }
+
+    /// Fits like [`Self::fit`]. Gives the rendered sample too.
+    fn find(&mut self, enough_px: f64) -> Result<(FoundShape, State), Refusal> {
         let mut buffers = FitBuffers::default();
         let mut state = self.state(&self.cameras, 1, &mut buffers)?;
         let mut damping = DAMPING;
@@ -86,11 +97,7 @@ impl Sample<'_> {
                 break;
             }
         }
-        let view = self.cameras.first();
-        let each = self.parts.iter().zip(&state.parts);
-        let squares: Vec<f64> = each.flat_map(|(part, state)| part.squares(view, state)).collect();
-        let misfit = squares.iter().sum::<f64>() / squares.len().max(1) as f64;
-        Ok(FoundShape { shape: view.shape, std_px: std, is_settled, misfit })
+        Ok((FoundShape { shape: self.cameras.first().shape, std_px: std, is_settled }, state))
     }
 
     /// Renders the particles. Slopes by parameters of the camera are those of one particle in `every`, if they do not
