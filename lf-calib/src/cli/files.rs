@@ -53,7 +53,7 @@ pub fn frames<'a>(
     channel: Option<Channel>,
 ) -> Result<Vec<Array2<f32>>> {
     let frame = |path| image::open_frame(path, files, camera, camera_file, channel);
-    paths.into_iter().map(|path| Ok(frame(path)?.pixels)).collect()
+    paths.into_iter().map(|path| Ok(frame(path)?.pixels.into_owned())).collect()
 }
 
 /// The size that all images of a run have: that of the first.

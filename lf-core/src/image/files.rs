@@ -12,7 +12,7 @@ use super::{
 };
 use crate::io;
 use crate::{Error, Refusal, Result, camera::Camera, history::History};
-use ndarray::Array2;
+use ndarray::{ArcArray2, Array2};
 use std::path::{Path, PathBuf};
 
 /// Reads EXR, TIFF or PNG by its first bytes; `-` is standard input, and `file.tif:3` names a page, from 0. Refuses
@@ -58,7 +58,7 @@ pub struct FrameFiles<'a> {
 pub struct Frame {
     /// Counts, shape (height, width); NaN where the pixel is blind, masked, cut by a second stop, or clipped in a frame
     /// for a fit.
-    pub pixels: Array2<f32>,
+    pub pixels: ArcArray2<f32>,
     /// The flat field, if the pixels have not been divided by it.
     pub flat: Option<Array2<f32>>,
     /// The steps that led to it; empty if the file has none.
@@ -154,7 +154,15 @@ fn read_frame(
         }
     }
     let flat = flat.filter(|_| is_signed);
-    Ok(Frame { pixels: image.pixels, flat, history: image.history, clipped, black, noise, background_share })
+    Ok(Frame {
+        pixels: image.pixels.into_shared(),
+        flat,
+        history: image.history,
+        clipped,
+        black,
+        noise,
+        background_share,
+    })
 }
 
 /// The sum of an image's finite pixels.

@@ -33,6 +33,7 @@ mod solve;
 mod stages;
 mod start;
 
+pub use cameras::defects::Defects;
 pub use cameras::input::CameraInput;
 pub use cameras::noise::{KnownNoise, Noise};
 pub use cameras::residual::{RANDOM, Residual};

@@ -14,7 +14,7 @@ use lf_core::camera::Pose;
 use lf_core::particle_image::ParticleModel;
 use lf_core::{Grid, Refusal};
 
-/// Bytes of a pixel of a frame: of the expected counts, and of a flat field.
+/// Bytes of a pixel of a frame: of the expected counts, of the image without defects, and of a flat field.
 const FRAME_PIXEL: usize = 4;
 /// Bytes of a pixel from which noise is found.
 const NOISE_PIXEL: usize = 9;
@@ -100,7 +100,7 @@ fn held_bytes(particles: &Particles, count: usize) -> usize {
     let views = &particles.cameras.views;
     let pixels: usize = views.iter().map(|view| view.image.len()).sum();
     let flats: usize = views.iter().filter_map(|view| view.flat).map(|flat| flat.len()).sum();
-    FRAME_PIXEL * (pixels + flats) + PARTICLE * count
+    FRAME_PIXEL * (2 * pixels + flats) + PARTICLE * count
 }
 
 /// Bytes of work on tiles with up to `in_tile` particles, or on the noise. Tiles of one colour are fitted at once.

@@ -416,7 +416,7 @@ impl<'a, 'o> Stages<'a, 'o> {
         let view = self.particles.cameras.first();
         let tiling = self.particles.tiling();
         let mut candidates = vec![Vec::new(); tiling.tiles().len()];
-        for particle in input.particles_in((view.image - &view.expected()).view())? {
+        for particle in input.particles_in((&view.image - &view.expected()).view())? {
             candidates[tiling.tile_of(&self.particles.cameras, &particle)].push(particle);
         }
         let criteria = self.criteria();
@@ -437,6 +437,9 @@ impl<'a, 'o> Stages<'a, 'o> {
         for round in first..self.options.rounds {
             let changes = self.round();
             self.find_noise();
+            if round == 0 && self.blind_defects() {
+                self.particles.wake_where(|_| true);
+            }
             self.align();
             self.report(name, changes);
             if self.particles.size_spread.is_some() {
@@ -481,6 +484,7 @@ impl<'a, 'o> Stages<'a, 'o> {
         for (n, what) in self.schedule.first_fits.iter().enumerate() {
             self.fit(what, FIRST_STEPS);
             self.find_noise();
+            self.blind_defects();
             if n == 0 {
                 is_open = self.try_blur(maxima, FEWER)?;
                 self.drop_faint(FAINTEST);
@@ -696,8 +700,9 @@ impl<'a, 'o> Stages<'a, 'o> {
 
     /// The maxima, before any of them is fitted, for the first camera with another shape.
     fn anew(&self, shape: Shape, maxima: &[Particle]) -> Result<Particles<'a>, Refusal> {
-        let CameraView { camera, image, flat, depth_mm, noise, .. } = *self.particles.cameras.first();
+        let CameraView { camera, ref image, flat, depth_mm, noise, ref defects, .. } = *self.particles.cameras.first();
         let view = CameraView::new(camera, (image, flat), shape, depth_mm, noise)?;
+        let view = CameraView { defects: defects.clone(), ..view };
         Particles::new(Cameras { views: vec![view] }, maxima.to_vec())
     }
 
@@ -711,6 +716,11 @@ impl<'a, 'o> Stages<'a, 'o> {
             view.noise =
                 Noise::found(&mut view.noise_pairs(), self.options.noise.of(view.camera)).unwrap_or(view.noise);
         }
+    }
+
+    /// Makes defects of the sensors blind. Returns whether there are new ones.
+    fn blind_defects(&mut self) -> bool {
+        self.particles.cameras.views.iter_mut().fold(false, |is_new, view| view.blind_defects() | is_new)
     }
 
     fn criteria(&self) -> Criteria {

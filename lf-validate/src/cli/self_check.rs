@@ -109,7 +109,7 @@ fn predicted(arguments: &SelfArguments, camera: &Camera, session: &mut Session) 
         let frame = image::open_signed_frame(file, files, camera, &arguments.camera, arguments.reading.channel)?;
         let light = image::open(expected)?.pixels;
         camera.check_image(&io::name(expected), light.ncols(), light.nrows())?;
-        Ok((frame.pixels, light))
+        Ok((frame.pixels.into_owned(), light))
     })?;
     held_out(&seen, &light, &noise).map(Some).map_err(|refusal| refusal.about(io::name(file)))
 }

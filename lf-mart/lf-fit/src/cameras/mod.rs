@@ -2,6 +2,7 @@
 //! particles that they share.
 //! First file to open: `view.rs`.
 
+pub mod defects;
 pub mod input;
 pub mod lens;
 pub mod matching;

@@ -3,13 +3,14 @@
 //! The frame of the first camera is that of the particles: its pose is the identity. A fit of one camera has a list of
 //! one.
 
+use super::defects::Defects;
 use super::noise::{MOST_PIXELS, Noise};
 use super::shape::{SHAPES, Shape};
 use crate::particle::Particle;
 use lf_core::camera::Pose;
 use lf_core::particle_image::ParticleModel;
 use lf_core::{Camera, Grid, Optics, Refusal};
-use ndarray::{Array2, s};
+use ndarray::{ArcArray2, Array2, s};
 use rayon::prelude::*;
 use std::ops::Range;
 
@@ -40,7 +41,9 @@ pub struct CameraView<'a> {
     pub(crate) depth_mm: [f64; 2],
     pub(crate) model: ParticleModel,
     /// Its image; NaN where a pixel is blind.
-    pub(crate) image: &'a Array2<f32>,
+    pub(crate) image: ArcArray2<f32>,
+    /// Defects of its sensor, which the fit has made blind.
+    pub defects: Defects,
     /// The share of its light that each pixel counts; None if that is 1 everywhere.
     pub flat: Option<&'a Array2<f32>>,
     /// Expected counts of each pixel of the image.
@@ -71,7 +74,7 @@ impl<'a> CameraView<'a> {
     /// A camera on its own, without light on its sensor yet.
     pub(crate) fn new(
         camera: &'a Camera,
-        (image, flat): (&'a Array2<f32>, Option<&'a Array2<f32>>),
+        (image, flat): (&ArcArray2<f32>, Option<&'a Array2<f32>>),
         shape: Shape,
         depth_mm: [f64; 2],
         noise: Noise,
@@ -91,7 +94,8 @@ impl<'a> CameraView<'a> {
             depth_mm,
             halo: model.halo().map(|_| vec![0.0; image.len()]),
             model,
-            image,
+            image: image.clone(),
+            defects: Defects::default(),
             flat,
             expected: vec![0.0; image.len()],
         })
@@ -100,7 +104,8 @@ impl<'a> CameraView<'a> {
     /// The camera with another shape and other depths, without expected counts.
     pub(crate) fn reshaped(&self, shape: Shape, depth_mm: [f64; 2]) -> Result<Self, Refusal> {
         let model = shape.model_after(&self.model, self.camera, depth_mm)?;
-        Ok(Self { shape, depth_mm, model, expected: Vec::new(), halo: None, ..*self })
+        let (image, defects) = (self.image.clone(), self.defects.clone());
+        Ok(Self { shape, depth_mm, model, image, defects, expected: Vec::new(), halo: None, ..*self })
     }
 
     /// Takes a shape and its standard uncertainties.
@@ -182,6 +187,11 @@ impl<'a> CameraView<'a> {
         let pixels = rows.flat_map(|(seen, light)| seen.into_iter().zip(light));
         let lit = pixels.filter(|(seen, light)| !seen.is_nan() && **light > 0.0);
         lit.map(|(seen, light)| (*light, seen - light)).collect()
+    }
+
+    /// Makes the defects that its expected counts show blind. Returns whether there are new ones.
+    pub(crate) fn blind_defects(&mut self) -> bool {
+        self.defects.blind(&mut self.image, &self.expected, self.noise, self.camera.pitch_px())
     }
 
     /// Squared differences over variances of all pixels.
@@ -292,7 +302,7 @@ pub(crate) mod tests {
     /// A camera and its dark image.
     pub(crate) struct Sight {
         camera: Camera,
-        image: Array2<f32>,
+        image: ArcArray2<f32>,
     }
 
     impl Sight {
@@ -305,11 +315,11 @@ pub(crate) mod tests {
                 "microlenses": {{"layout": "square", "pitch_mm": 0.077, "focal_length_mm": 0.308, "rotation_rad": 0.0,
                     "offset_mm": [0.0, 0.0]}}}}"#
             ));
-            Self { camera: camera.unwrap(), image: Array2::zeros((side, side)) }
+            Self { camera: camera.unwrap(), image: ArcArray2::zeros((side, side)) }
         }
 
         pub(crate) fn fill(&mut self, value: impl Fn(usize, usize) -> f32) {
-            self.image = Array2::from_shape_fn(self.image.dim(), |(row, column)| value(row, column));
+            self.image = ArcArray2::from_shape_fn(self.image.dim(), |(row, column)| value(row, column));
         }
     }
 

@@ -7,8 +7,8 @@ use lf_core::camera::{Correction, EXPLAINED, Evidence, Pose};
 use lf_core::particles::{self, Uncertainty};
 use lf_core::{Camera, Error, Result, Session, Verdict, cli, image, io, volume};
 use lf_fit::{
-    self as fit, CameraInput, CameraView, Changes, Doubts, Fit, FitOptions, FoundParticle, Particle, PiledUp, Progress,
-    RANDOM,
+    self as fit, CameraInput, CameraView, Changes, Defects, Doubts, Fit, FitOptions, FoundParticle, Particle, PiledUp,
+    Progress, RANDOM,
 };
 use serde_json::{Value, json};
 use std::path::Path;
@@ -124,7 +124,9 @@ fn words(step: &Progress, seconds: f64) -> (String, Value) {
 /// known.
 fn statistics(view: &CameraView) -> Value {
     let [size_std, x_std, y_std, blur_std, ..] = view.shape_std_px;
-    let mut found = json!({"size_px": view.shape.sigma_px, "drift_px": view.shape.drift_px, "size_std_px": size_std,
+    let Defects { pixels, columns, rows } = &view.defects;
+    let mut found = json!({"defects": {"pixels": pixels.len(), "columns": columns, "rows": rows},
+        "size_px": view.shape.sigma_px, "drift_px": view.shape.drift_px, "size_std_px": size_std,
         "drift_std_px": [x_std, y_std], "gain_counts": view.noise.gain,
         "read_noise_counts": view.noise.read_variance.sqrt()});
     if let Some(blur_px) = view.shape.blur_px {
@@ -155,6 +157,21 @@ fn warn_of_doubts(doubts: Doubts, view: &CameraView, name: &str, session: &mut S
         session.warn(format!(
             "{name}lenslets show Fresnel's pattern and camera.json does not say so: chi2 was {before:.2} with the far field; \
              the fit follows it; give the block 'blur' of camera.json a \"pattern\": \"fresnel\", which saves the search"
+        ));
+    }
+}
+
+/// Says which defects of a sensor were left out. `name` is that of one of several cameras.
+fn say_defects(defects: &Defects, name: &str, session: &Session) {
+    let Defects { pixels, columns, rows } = defects;
+    let lines = |kind: &str, lines: &[usize]| (!lines.is_empty()).then(|| format!("{kind} {lines:?}"));
+    let single = (!pixels.is_empty()).then(|| format!("{} pixels", pixels.len()));
+    let found: Vec<String> = [single, lines("columns", columns), lines("rows", rows)].into_iter().flatten().collect();
+    if !found.is_empty() {
+        session.say(format!(
+            "{name}{} are hot or dead: they differ from the light of particles and those around them do not; the fit leaves \
+             them out",
+            found.join(", ")
         ));
     }
 }
@@ -228,6 +245,7 @@ fn report(arguments: &Arguments, found: &Fit, session: &mut Session) {
     for ((doubts, view), file) in found.doubts.iter().zip(&found.cameras).zip(&arguments.camera) {
         let name = if found.cameras.len() > 1 { format!("{}: ", io::name(file)) } else { String::new() };
         warn_of_doubts(*doubts, view, &name, session);
+        say_defects(&view.defects, &name, session);
     }
     warn_of_model(found, session);
     session.count("particles", found.particles.len());

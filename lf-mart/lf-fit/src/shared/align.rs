@@ -223,7 +223,7 @@ mod tests {
     use crate::cameras::view::tests::{ASIDE, PIXEL_MM, Sight, view};
     use crate::particle::Particle;
     use lf_core::camera::Pose;
-    use ndarray::Array2;
+    use ndarray::ArcArray2;
 
     fn particles<'a>(first: &'a Sight, further: &CameraView<'a>, list: &[Particle]) -> Particles<'a> {
         let views = vec![view(first, Pose::default(), 1.0), further.clone()];
@@ -246,11 +246,11 @@ mod tests {
         let mut rendered = particles(&sights[0], &truth, &list);
         rendered.render();
         let images =
-            [0, 1].map(|n| Array2::from_shape_vec((420, 420), rendered.cameras.views[n].expected.clone()).unwrap());
+            [0, 1].map(|n| ArcArray2::from_shape_vec((420, 420), rendered.cameras.views[n].expected.clone()).unwrap());
         let mut found = view(&sights[1], ASIDE, 0.72);
         for _ in 0..5 {
             let mut particles = particles(&sights[0], &found, &list);
-            particles.cameras.views.iter_mut().zip(&images).for_each(|(view, image)| view.image = image);
+            particles.cameras.views.iter_mut().zip(&images).for_each(|(view, image)| view.image = image.clone());
             particles.render();
             let prior = Prior([14.0, 14.0, 1000.0, 1.0]);
             step(&gradients(&particles), 1, &particles.cameras, prior, true).unwrap().take(&mut found, PIXEL_MM);
