@@ -116,18 +116,20 @@ fn a_stream_is_corrected_by_an_image_of_even_light() {
     }
 }
 
-/// Counts that fill a range and end in a pile, as a saturated sensor gives them.
+/// Counts that fill a range and end in a pile, as a saturated sensor gives them. The corrected frame ends in one too.
 #[test]
-fn clipped_frames_are_warned_of_before_they_are_corrected() {
+fn clipped_frames_are_warned_of_and_stay_clipped() {
     let bench = bench();
     let clipped = Array2::from_shape_fn((60, 60), |(y, x)| ((y * 60 + x) as f32 % 400.0).min(300.0) + 700.0);
     bench.image("clipped.exr", &clipped);
-    bench.image("even.exr", &Array2::from_elem((60, 60), 1000.0));
+    bench.image("even.exr", &Array2::from_shape_fn((60, 60), |(y, x)| 1000.0 + ((7 * y + 3 * x) % 11) as f32));
     let text = bench.done("frame clipped.exr --flat even.exr -o out").stderr;
     assert!(
         text.contains("warning: clipped.exr: 25.0 % of the pixels are clipped, at 1000 counts; 1 frames"),
         "{text}"
     );
+    let corrected = image::open(&bench.path("out/clipped.exr")).unwrap();
+    assert_eq!(image::clipped_share(corrected.pixels.view()).unwrap().1, 0.25);
 }
 
 #[test]

@@ -57,15 +57,14 @@ fn read(arguments: &FrameArguments, file: &Path, sizes: &mut Sizes) -> Result<Im
     Ok(image)
 }
 
-/// Warns of clipped frames: name, level in counts and share of the pixels. The tools that follow cannot see it: the
-/// corrected counts no longer show the level.
+/// Warns of clipped frames: name, level in counts and share of the pixels.
 fn warn_of_clipped(frames: &[(String, f32, f64)], session: &mut Session) {
     // The first of the worst.
     let Some((name, level, share)) = frames.iter().rev().max_by(|a, b| a.2.total_cmp(&b.2)) else { return };
     session.count("clipped_frames", frames.len());
     session.warn(format!(
-        "{name}: {:.1} % of the pixels are clipped, at {level} counts; {} frames in all: the brightest light is lost, and \
-         corrected frames do not show it; expose less or lower the gain",
+        "{name}: {:.1} % of the pixels are clipped, at {level} counts; {} frames in all: the brightest light is lost; \
+         corrected frames have their largest count there, for lf-fit to leave it out; expose less or lower the gain",
         100.0 * share,
         frames.len()
     ));

@@ -3,7 +3,7 @@
 use super::hot::{neighbours, repair};
 use crate::mean::check_saturation;
 use lf_core::Refusal;
-use lf_core::image::noise;
+use lf_core::image::{clipped_share, noise};
 use lf_core::statistics::median;
 use ndarray::Array2;
 
@@ -63,8 +63,13 @@ pub struct Change {
 
 impl Correction {
     /// Corrects a frame of laser 0 or 1: first the sensitivity, then the pixels that are replaced, then the light.
+    /// Clipped pixels get the largest count, so that the corrected frame is clipped too.
     pub fn apply(&self, frame: &mut Array2<f32>, laser: usize) -> Change {
         let before = Self::figures(frame);
+        let level = clipped_share(frame.view()).map_or(f32::INFINITY, |(level, _)| level);
+        let mut clipped: Vec<_> =
+            frame.indexed_iter().filter(|(_, count)| **count >= level).map(|(place, _)| place).collect();
+        clipped.retain(|place| self.replaced.binary_search(place).is_err());
         if let Some(sensitivity) = &self.sensitivity {
             frame.zip_mut_with(&sensitivity.pixels, |count, sensitivity| *count /= sensitivity);
         }
@@ -72,6 +77,8 @@ impl Correction {
         if let Some(factors) = self.factors {
             frame.mapv_inplace(|count| count * factors[laser] as f32);
         }
+        let brightest = brightest(frame);
+        clipped.into_iter().for_each(|place| frame[place] = brightest);
         let after = Self::figures(frame);
         let [mean, noise] = [0, 1].map(|n| [before.0[n], after.0[n]]);
         Change { mean, noise, brightest: [before.1, after.1] }
@@ -80,8 +87,12 @@ impl Correction {
     /// Mean and noise, and the brightest pixel.
     fn figures(frame: &Array2<f32>) -> ([f64; 2], f32) {
         let mean = frame.iter().map(|count| f64::from(*count)).sum::<f64>() / frame.len() as f64;
-        ([mean, noise(frame.view())], frame.iter().fold(0f32, |most, count| most.max(*count)))
+        ([mean, noise(frame.view())], brightest(frame))
     }
+}
+
+fn brightest(frame: &Array2<f32>) -> f32 {
+    frame.iter().fold(0f32, |most, count| most.max(*count))
 }
 
 #[cfg(test)]
