@@ -518,9 +518,9 @@ impl<'a, 'o> Stages<'a, 'o> {
         let misfit = self.particles.cameras.misfit();
         // A size that was found without a blur is too large.
         let shape = Shape { sigma_px: self.options.shape.sigma_px, ..shape.blurred() };
-        let squares = |particles: &Particles| particles.cameras.first().sum_of_squares();
+        let deviance = |particles: &Particles| particles.cameras.first().deviance();
         let count = |particles: &Particles| particles.list.len() as f64;
-        let cost = |particles: &Particles| squares(particles) + GAIN * count(particles);
+        let cost = |particles: &Particles| deviance(particles) + GAIN * count(particles);
         let blurred = self.anew(shape, maxima)?;
         let sharp = std::mem::replace(&mut self.particles, blurred);
         self.share_light();
@@ -685,11 +685,11 @@ impl<'a, 'o> Stages<'a, 'o> {
             self.free.lens[likely] = true;
             self.fit_shape()?;
             self.fit("fit", FIRST_STEPS);
-            let squares = |particles: &Particles| particles.cameras.first().sum_of_squares();
+            let deviance = |particles: &Particles| particles.cameras.first().deviance();
             let first = self.particles.cameras.first();
             let is_sure = first.shape.is_corrected(likely, first.shape_std_px)
                 && first.shape.lens_px[likely].abs() > OF_BEND * first.model.bend_px();
-            if !is_sure || squares(&self.particles) + GAIN > squares(&before) {
+            if !is_sure || deviance(&self.particles) + GAIN > deviance(&before) {
                 (self.particles, self.free) = (before, free);
                 break;
             }

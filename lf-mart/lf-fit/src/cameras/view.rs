@@ -194,15 +194,17 @@ impl<'a> CameraView<'a> {
         self.defects.blind(&mut self.image, &self.expected, self.noise, self.camera.pitch_px())
     }
 
-    /// Squared differences over variances of all pixels.
-    pub(crate) fn sum_of_squares(&self) -> f64 {
+    /// -2 log likelihood of all pixels, each of a normal distribution: squared differences over variances, which are cut,
+    /// and logarithms of variances. Without the latter, too much light looks good, because it explains large differences.
+    pub(crate) fn deviance(&self) -> f64 {
         let width = self.image.ncols();
         let of_row = |row: usize| {
             let pixels = self.image.row(row).into_iter().zip(&self.expected[row * width..(row + 1) * width]);
-            let squares = pixels.filter(|(seen, _)| !seen.is_nan()).map(|(seen, light)| {
-                f64::from(((seen - light).powi(2) / self.noise.variance(*light)).min(MOST_SQUARE))
+            let terms = pixels.filter(|(seen, _)| !seen.is_nan()).map(|(seen, light)| {
+                let variance = self.noise.variance(*light);
+                f64::from(((seen - light).powi(2) / variance).min(MOST_SQUARE) + variance.ln())
             });
-            squares.sum::<f64>()
+            terms.sum::<f64>()
         };
         // Rows are added up in their order, for the same sum by any number of threads.
         let rows: Vec<f64> = (0..self.image.nrows()).into_par_iter().map(of_row).collect();

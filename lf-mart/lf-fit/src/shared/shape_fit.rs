@@ -21,7 +21,7 @@ const AT_ONCE: usize = 64;
 const STEP_PX: f64 = 0.1;
 /// Largest number of shorter steps, and of all steps: an error of several pixels is followed to its end.
 const STEPS: usize = 10;
-const ALL_STEPS: usize = 100;
+const ALL_STEPS: usize = 40;
 /// The fit ends if a step needs more damping than this.
 const MOST_DAMPING: f64 = 10.0;
 /// The fit ends if every unknown moves by less than this share of its uncertainty.
