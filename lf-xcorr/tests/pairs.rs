@@ -5,12 +5,14 @@ use crate::tracked::{Lab, errors};
 use crate::workbench::{SMALL, workbench};
 use glam::DVec3;
 use lf_core::field::{MEASURED, NO_DATA, REPLACED};
-use lf_core::particles::{self, FRAME_LINE, HEADER};
+use lf_core::history::Step;
+use lf_core::particles::{self, CORRECTED, FRAME_LINE, HEADER};
 use lf_core::{Field, Particle};
 use lf_tests::Workbench;
 use lf_xcorr::{Tracks, decide};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
+use serde_json::json;
 use std::collections::HashSet;
 
 fn decided(lab: &Lab) -> (Tracks, Field, [Vec<Particle>; 2]) {
@@ -127,6 +129,29 @@ fn tables_decide_the_field_and_leave_tracks() {
     let [first, second] = [0, 1].map(|frame| tracks.iter().filter(|track| track.frame == frame).count());
     assert!(first == second && first > 550, "{first} {second}");
     assert!(bench.text("s.json").contains("particle_pairs"));
+}
+
+/// Scar: lf-fit corrected the camera by 5.9 px for one frame and by 5.4 for the next, and w was wrong by 0.2 um in all.
+#[test]
+fn cameras_that_fits_corrected_differently_are_said() {
+    let bench = workbench();
+    save_tables(&bench);
+    let said = |corrections: [&str; 2], cameras: [&str; 2]| {
+        let tables = ["a", "b"].iter().zip(corrections).zip(cameras);
+        let files = tables.map(|((name, corrected), camera)| {
+            let step = Step { tool: "lf-fit".into(), version: "1".into(), arguments: vec!["-c".into(), camera.into()] };
+            let lines = format!("# {}\n# {CORRECTED} {corrected}\n", json!(step));
+            let file = format!("{name}-fit.csv");
+            let text = bench.text(format!("{name}.csv")).replacen('\n', &format!("\n{lines}"), 1);
+            std::fs::write(bench.path(&file), text).unwrap();
+            file
+        });
+        let files: Vec<String> = files.collect();
+        bench.done(&["--particles", &files[0], &files[1], "-o", "f.exr"]).stderr.contains("corrected their camera")
+    };
+    let [one, near, other] = [5.949, 6.01, 5.421].map(|px| format!("{{\"spherical_px\": [{px}, 0.046]}}"));
+    assert!(said([&one, &other], ["c.json", "c.json"]) && said(["{}", &other], ["c.json", "c.json"]));
+    assert!(!said([&one, &near], ["c.json", "c.json"]) && !said([&one, "{}"], ["c.json", "corrected.json"]));
 }
 
 /// Without volumes, and with the columns of another program: 0.2 mm along z for particles about 0.8 mm apart.

@@ -138,8 +138,8 @@ pub struct NominalArguments {
     /// left out, because no ray depends on it
     #[arg(long, value_name = "INDEX", num_args = 0..=1, default_missing_value = "1", conflicts_with = "water")]
     pub telecentric: Option<f64>,
-    /// A microscope, by its numerical aperture and the index of what its objective is immersed in, 1 if none is given;
-    /// such as 0.5,1.33. It is telecentric, and has M / (2 NA) as its f-number
+    /// A microscope, by its numerical aperture and the index of the liquid with the particles, 1 if none is given; such
+    /// as 0.5,1.33 for water, also below a dry objective. It is telecentric, and has M / (2 NA) as its f-number
     #[arg(
         long,
         value_name = "NA[,INDEX]",

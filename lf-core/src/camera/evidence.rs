@@ -191,9 +191,14 @@ impl Correction {
         format!("{name} is {:.digits$} +- {:.digits$} {unit} too {how}", self.step.abs(), self.std)
     }
 
-    /// Another error that looks the same in images of particles, and leads to other depths.
+    /// How the correction moves all depths, or another error that looks the same and leads to other depths.
     pub fn doubt(&self) -> Option<String> {
         let other = match self.parameter {
+            Parameter { what: What::Spherical, .. } => {
+                return Some(
+                    "depths then count from the focus of the stop's middle, not from the sharpest plane".into(),
+                );
+            }
             FOCUS => "gap_mm that is as much off",
             Parameter { what: What::Gap, .. } => "focal length of the lenslets that is as much off",
             _ => return None,

@@ -42,5 +42,5 @@ mod writer;
 pub use columns::{FITTED_HEADER, HEADER};
 pub use draw::{BATCH, REACH_SIGMA, draw};
 pub use particle::{Particle, Uncertainty};
-pub use reader::{FRAME_LINE, frame, history, open, read, warn_unmarked};
+pub use reader::{CORRECTED, FRAME_LINE, corrected, frame, history, open, read, warn_unmarked};
 pub use writer::write;

@@ -5,10 +5,15 @@ use super::covariance::{fault, matrix};
 use super::particle::{Particle, Uncertainty};
 use crate::{History, Refusal, Result, Session, frame::MARK, io};
 use glam::{DMat3, DVec3};
+use std::collections::BTreeMap;
 use std::path::Path;
 
 /// The mark of the frame, before the header.
 pub const FRAME_LINE: &str = "# frame: right-handed";
+
+/// Begins the line in which lf-fit says how it corrected the camera: a JSON object with the step and its standard
+/// uncertainty of each parameter, px by which light moves at most.
+pub const CORRECTED: &str = "camera corrected:";
 
 /// The lines before the header, without their `#`.
 fn comments(text: &str) -> impl Iterator<Item = &str> {
@@ -23,6 +28,12 @@ pub fn frame(text: &str) -> Option<&str> {
 /// The steps that a table names in its lines with `#`: a JSON object each, among other lines.
 pub fn history(text: &str) -> History {
     comments(text).filter_map(|line| serde_json::from_str(line).ok()).collect()
+}
+
+/// The corrections of the camera that a table names, by parameter: step and standard uncertainty, px.
+pub fn corrected(text: &str) -> BTreeMap<String, [f64; 2]> {
+    let line = comments(text).find_map(|line| line.trim().strip_prefix(CORRECTED));
+    line.and_then(|line| serde_json::from_str(line).ok()).unwrap_or_default()
 }
 
 /// Warns of a table that does not name its frame. `name` is its name in messages.
@@ -144,6 +155,9 @@ mod tests {
         let step = "# {\"tool\": \"lf-fit\", \"version\": \"1\", \"arguments\": [\"-q\"]}";
         assert_eq!(history(&format!("{FRAME_LINE}\n{step}\n{rows}"))[0].arguments, ["-q"]);
         assert!(history(&marked).is_empty());
+        let corrections = format!("{FRAME_LINE}\n# {CORRECTED} {{\"spherical_px\": [5.9, 0.05]}}\n{rows}");
+        assert_eq!(corrected(&corrections)["spherical_px"], [5.9, 0.05]);
+        assert!(corrected(&marked).is_empty() && read(&corrections).unwrap() == read(&marked).unwrap());
         assert_eq!(read(&format!("# frame: left\n{rows}")).unwrap_err().found, "its frame is 'left'");
         let wrong = read(&format!("{marked}0,1\n")).unwrap_err().found;
         assert!(wrong.starts_with("line 5 is not 6 numbers"), "{wrong}");

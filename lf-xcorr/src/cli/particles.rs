@@ -5,6 +5,7 @@ use glam::DVec3;
 use lf_core::particles;
 use lf_core::{Error, Field, Grid, History, JoinedVolume, Particle, Result, Session, io};
 use lf_xcorr::{Mask, Pair, Tracks, TracksReport, decide};
+use std::collections::BTreeMap;
 use std::path::Path;
 
 /// Constant: warn if fewer than this share of the smaller table's particles have a partner.
@@ -14,11 +15,23 @@ const LARGE: f64 = 1.5;
 /// Constant: warn if more than this share of the windows is blind or empty.
 const MANY: f64 = 0.2;
 
+/// Constant: warn if fits of one camera corrected it differently by more than this, px, and by this number of standard
+/// uncertainties.
+const LEAST_PX: f64 = 0.1;
+const SIGMAS: f64 = 3.0;
+
 /// The particles of the first and of the second volume of every pair.
 pub struct Tables {
     names: Vec<String>,
     tables: Vec<Vec<Particle>>,
     histories: Vec<History>,
+}
+
+/// A table of one frame: its particles, the steps that it names, and how its fit corrected the camera.
+struct Table {
+    particles: Vec<Particle>,
+    history: History,
+    corrected: BTreeMap<String, [f64; 2]>,
 }
 
 impl Tables {
@@ -35,16 +48,23 @@ impl Tables {
             return Err(Error::new("--particles", found, "wanted two for every pair, in the same order"));
         }
         let read = files.iter().map(|file| table(file, session)).collect::<Result<Vec<_>>>()?;
-        let (tables, histories): (Vec<_>, Vec<_>) = read.into_iter().unzip();
         let names: Vec<String> = files.iter().map(|file| io::name(file)).collect();
-        for (pair, names) in tables.chunks_exact(2).zip(names.chunks_exact(2)) {
-            if pair[0] == pair[1] {
+        for (pair, names) in read.chunks_exact(2).zip(names.chunks_exact(2)) {
+            let (first, second) = (&names[0], &names[1]);
+            if pair[0].particles == pair[1].particles {
                 session.warn(format!(
-                    "{} and {} hold the same particles, so every displacement is zero; name two frames",
-                    names[0], names[1]
+                    "{first} and {second} hold the same particles, so every displacement is zero; name two frames"
+                ));
+            }
+            if let Some((parameter, [one, other])) = corrected_apart(&pair[0], &pair[1]) {
+                session.warn(format!(
+                    "the fits of {first} and {second} corrected their camera differently: {parameter} by {one:.2} and \
+                     {other:.2} px, which moves one frame's particles against the other's; fit both with one camera: \
+                     lf-fit --camera-out of the first frame, or lf-calib refine from the --evidence of several"
                 ));
             }
         }
+        let (tables, histories) = read.into_iter().map(|table| (table.particles, table.history)).unzip();
         Ok(Some(Self { names, tables, histories }))
     }
 
@@ -91,7 +111,7 @@ impl Tables {
             ));
         }
         let (lost, all) = (blind + empty, measured + blind + empty);
-        if lost as f64 > MANY * all as f64 {
+        if !has_decided(report) {
             lines.push(format!(
                 "{lost} of {all} windows are replaced from their neighbours or by the correlation: {empty} without a \
                  pair, {blind} blind; enlarge the windows"
@@ -108,8 +128,27 @@ impl Tables {
     }
 }
 
-/// The particles of a table of one frame, and the steps that it names.
-fn table(file: &Path, session: &Session) -> Result<(Vec<Particle>, History)> {
+/// The parameter that two fits corrected most differently, and both corrections, px. None if they agree, or began with
+/// different cameras.
+fn corrected_apart(one: &Table, other: &Table) -> Option<(String, [f64; 2])> {
+    let camera = |table: &Table| {
+        let step = table.history.iter().rfind(|step| step.tool == "lf-fit")?;
+        let option = step.arguments.iter().position(|word| word == "-c" || word == "--camera")?;
+        step.arguments.get(option + 1).cloned()
+    };
+    if camera(one) != camera(other) {
+        return None;
+    }
+    let apart = |parameter: &String| {
+        let [a, b] = [one, other].map(|table| table.corrected.get(parameter).copied().unwrap_or_default());
+        ((a[0] - b[0]).abs() > LEAST_PX.max(SIGMAS * a[1].hypot(b[1]))).then(|| (parameter.clone(), [a[0], b[0]]))
+    };
+    let found = one.corrected.keys().chain(other.corrected.keys()).filter_map(apart);
+    found.max_by(|(_, a), (_, b)| (a[0] - a[1]).abs().total_cmp(&(b[0] - b[1]).abs()))
+}
+
+/// Reads a table. Refuses one of several frames or without particles.
+fn table(file: &Path, session: &Session) -> Result<Table> {
     let text = io::open_text(file)?;
     let particles = particles::read(&text).map_err(|refusal| refusal.about(io::name(file)))?;
     particles::warn_unmarked(&text, &io::name(file), session);
@@ -117,8 +156,14 @@ fn table(file: &Path, session: &Session) -> Result<(Vec<Particle>, History)> {
     let Some(first) = particles.first() else { return Err(refused("no particle".to_owned())) };
     match particles.iter().find(|particle| particle.frame != first.frame) {
         Some(other) => Err(refused(format!("particles of frames {} and {}", first.frame, other.frame))),
-        None => Ok((particles, particles::history(&text))),
+        None => Ok(Table { particles, history: particles::history(&text), corrected: particles::corrected(&text) }),
     }
+}
+
+/// Whether pairs of particles decide nearly all vectors.
+pub fn has_decided(report: &TracksReport) -> bool {
+    let TracksReport { measured, blind, empty, .. } = *report;
+    (blind + empty) as f64 <= MANY * (measured + blind + empty) as f64
 }
 
 /// Whether a place is in the mask.

@@ -54,11 +54,12 @@ pub fn run(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
         let progress = session.progress("windows", plan.windows());
         plan.correlate(&|windows| progress.add(windows)).map_err(named)
     })?;
-    let mut pairs = Vec::new();
+    let (mut pairs, mut has_decided) = (Vec::new(), false);
     if let Some(tables) = &tables {
         let decide = |session: &mut Session| tables.decide(&outcome.field, &mask, volumes[0].grid(), session);
         if let Some(tracks) = session.phase("particles", decide)? {
             particles::report(&tracks.report, session);
+            has_decided = particles::has_decided(&tracks.report);
             (outcome.field, pairs) = (tracks.field, tracks.pairs);
         }
     }
@@ -66,7 +67,7 @@ pub fn run(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
     outcome.field.layout.history = session.history(&together(histories));
     outcome.field.layout.dt_s = arguments.dt;
     report::report(&outcome, &options, session);
-    warnings::about(&outcome, &options, &part).into_iter().for_each(|line| session.warn(line));
+    warnings::about(&outcome, &options, &part, has_decided).into_iter().for_each(|line| session.warn(line));
     session.phase("write", |_| {
         save(&outcome, arguments)?;
         match (&arguments.tracks, &tables) {

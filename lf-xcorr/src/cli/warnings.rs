@@ -60,10 +60,14 @@ fn is_later(first: &str, second: &str) -> bool {
     }
 }
 
-/// Warnings about the field of a volume of `part`.
-pub fn about(outcome: &Outcome, options: &Options, part: &Grid) -> Vec<String> {
+/// Warnings about the field of a volume of `part`. If pairs of particles have decided it, the correlation was the first
+/// guess only, and needs no warning.
+pub fn about(outcome: &Outcome, options: &Options, part: &Grid, has_decided: bool) -> Vec<String> {
     let run = Finished { outcome, options, part };
     let mut lines = vec![run.few_particles(), run.far_from_cubes()];
+    if has_decided {
+        return lines.into_iter().flatten().collect();
+    }
     // Volumes of other particles have their peaks anywhere, also at the end of the search.
     match run.other_particles() {
         Some(line) => lines.push(Some(line)),

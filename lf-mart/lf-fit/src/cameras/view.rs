@@ -194,8 +194,8 @@ impl<'a> CameraView<'a> {
         self.defects.blind(&mut self.image, &self.expected, self.noise, self.camera.pitch_px())
     }
 
-    /// -2 log likelihood of all pixels, each of a normal distribution: squared differences over variances, which are cut,
-    /// and logarithms of variances. Without the latter, too much light looks good, because it explains large differences.
+    /// -2 log likelihood of all pixels, each of a normal distribution: squares over variances, which are cut, and
+    /// logarithms of variances. Without these, too much light looks good, because it explains large differences.
     pub(crate) fn deviance(&self) -> f64 {
         let width = self.image.ncols();
         let of_row = |row: usize| {

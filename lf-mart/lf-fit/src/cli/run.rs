@@ -10,7 +10,7 @@ use lf_fit::{
     self as fit, CameraInput, CameraView, Changes, Defects, Doubts, Fit, FitOptions, FoundParticle, Particle, PiledUp,
     Progress, RANDOM,
 };
-use serde_json::{Value, json};
+use serde_json::{Map, Value, json};
 use std::path::Path;
 use std::process::ExitCode;
 use std::time::Instant;
@@ -324,7 +324,16 @@ fn write(arguments: &Arguments, first: &CameraInput, found: &Fit, log: &str, ses
             volume::write_with(out, grid, &indices, &[column], &history, volume.extra())
         })?;
     }
-    let comments: Vec<String> = history.iter().map(|step| json!(step).to_string()).collect();
+    let CameraView { shape, shape_std_px, .. } = found.cameras[0];
+    let px = |one: &Correction| [one.step, one.std].map(|value| value / one.parameter.per_px(camera));
+    let corrections: Map<String, Value> = shape
+        .corrections(camera, shape_std_px)
+        .iter()
+        .map(|one| (one.parameter.key.to_owned(), json!(px(one))))
+        .collect();
+    let corrected =
+        (!corrections.is_empty()).then(|| format!("{} {}", particles::CORRECTED, Value::Object(corrections)));
+    let comments: Vec<String> = history.iter().map(|step| json!(step).to_string()).chain(corrected).collect();
     let rows = found.particles.iter().enumerate().map(|(id, found)| row(arguments.frame, id, found));
     let table: Vec<particles::Particle> = rows.collect();
     io::save_text(&arguments.particles, |out| particles::write(out, &comments, &table))?;
