@@ -666,8 +666,14 @@ impl<'a, 'o> Stages<'a, 'o> {
             self.is_stale = true;
         }
         self.particles.cameras.views[0].set_shape(found.shape, found.std_px)?;
-        self.particles.render();
         let is_camera = self.free.lens.contains(&true);
+        if is_camera {
+            // A spherical aberration moves all depths.
+            let mut list = self.particles.list.clone();
+            found.particles.into_iter().for_each(|(place, moved)| list[place] = moved);
+            self.particles.set(list);
+        }
+        self.particles.render();
         self.report(if is_camera { CAMERA_STEP } else { SHAPE_STEP }, Changes::default());
         self.is_settled = found.is_settled;
         Ok(())

@@ -36,6 +36,8 @@ pub(crate) struct Sample<'a> {
 pub(super) struct SamplePart {
     pub(super) window: Window,
     pub(super) particles: Vec<Particle>,
+    /// Their places in the list of all.
+    pub(super) places: Vec<usize>,
 }
 
 /// The parts of a sensor of `size` px: the middle, for about [`SAMPLE`] of the frame's `particles`. A wide sample has
@@ -91,19 +93,20 @@ impl SamplePart {
         let mut window = Window::cut(&cameras.views[..1], &[[low, high]]);
 
         // Hold the particles near focus, unless they are the majority.
-        let sees = |particle: &&Particle| {
+        let sees = |(_, particle): &(usize, Particle)| {
             let place = view.model.chief_px(particle.place_mm);
             let reach = view.model.reach_px(particle.place_mm[2]);
             (0..2).all(|axis| place[axis] > first[axis] as f64 - reach && place[axis] < end[axis] as f64 + reach)
         };
         let too_near = TOO_NEAR * view.near_focus_mm();
-        let seen: Vec<Particle> = particles.iter().filter(sees).copied().collect();
-        let is_near = |particle: &Particle| particle.place_mm[2].abs() < too_near;
-        let (near, far): (Vec<Particle>, Vec<Particle>) = seen.iter().partition(|particle| is_near(particle));
-        let (held, particles) = if far.len() > near.len() { (near, far) } else { (Vec::new(), seen) };
+        let seen: Vec<(usize, Particle)> = particles.iter().copied().enumerate().filter(sees).collect();
+        let is_near = |(_, particle): &&(usize, Particle)| particle.place_mm[2].abs() < too_near;
+        let (near, far): (Vec<_>, Vec<_>) = seen.iter().partition(is_near);
+        let (held, free) = if far.len() > near.len() { (near, far) } else { (Vec::new(), seen) };
+        let (places, particles) = free.into_iter().unzip();
         let mut stray = vec![0f32; window.seen.len()];
         let mut scratch = Scratch::default();
-        for particle in &held {
+        for (_, particle) in &held {
             let image = ParticleImage::light(own, particle, &window, &mut scratch);
             image.add_to(&mut stray, window.columns, 1.0);
         }
@@ -124,6 +127,6 @@ impl SamplePart {
                 *light += halo[(low[1] + n / window.columns) * size[0] + low[0] + n % window.columns];
             }
         }
-        Self { window, particles }
+        Self { window, particles, places }
     }
 }

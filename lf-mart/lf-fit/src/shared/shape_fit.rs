@@ -7,6 +7,7 @@ use crate::cameras::shape::{ANALYTIC, SHAPES, Shape};
 use crate::cameras::view::{CameraView, Cameras};
 use crate::model::buffers::FitBuffers;
 use crate::model::particle_image::{ParticleImage, Slopes, UNKNOWNS};
+use crate::particle::Particle;
 use crate::solve::joint::{DAMPING, LEAST_DAMPING, LESS, MORE};
 use crate::solve::normal::{CgLimits, DEEP, Normal, cholesky, conjugate_gradients, dot};
 use glam::DVec2;
@@ -36,6 +37,8 @@ pub(crate) struct FoundShape {
     pub(crate) shape: Shape,
     /// Standard uncertainties of the size and of both drifts, pixels.
     pub(crate) std_px: [f64; SHAPES],
+    /// The particles as they follow it, with their places in the list of all.
+    pub(crate) particles: Vec<(usize, Particle)>,
     /// Whether the last step was below the uncertainty.
     pub(crate) is_settled: bool,
 }
@@ -97,7 +100,11 @@ impl Sample<'_> {
                 break;
             }
         }
-        Ok((FoundShape { shape: self.cameras.first().shape, std_px: std, is_settled }, state))
+        let moved = self.parts.iter().flat_map(|part| part.places.iter().copied().zip(part.particles.iter().copied()));
+        Ok((
+            FoundShape { shape: self.cameras.first().shape, std_px: std, particles: moved.collect(), is_settled },
+            state,
+        ))
     }
 
     /// Renders the particles. Slopes by parameters of the camera are those of one particle in `every`, if they do not
