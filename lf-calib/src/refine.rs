@@ -117,8 +117,7 @@ pub fn refine(camera: &Camera, frames: &[Evidence]) -> Result<Refined, Refusal> 
 
     // Take the parameters that are worth it. Frames that differ by more than they state know less.
     let (mut chosen, mut found, mut scatter) = (Vec::new(), Solution::default(), 1.0);
-    let sigma_px = camera.blur.map_or(0.0, |blur| blur.sigma_px);
-    while let Some((next, solution)) = best(&sum, &chosen, (found.gain, scatter), sigma_px) {
+    while let Some((next, solution)) = best(camera, &sum, &chosen, (found.gain, scatter)) {
         chosen.push(next);
         scatter = scatter_of(&each, &sum, &chosen, &solution.steps);
         found = solution;
@@ -151,8 +150,8 @@ pub fn refine(camera: &Camera, frames: &[Evidence]) -> Result<Refined, Refusal> 
 }
 
 /// The parameter that lowers -2 log L most beside the chosen ones, and the solution with it. None if none is worth it.
-/// A blur of `sigma_px` does not fall below 0.
-fn best(sum: &Equations, chosen: &[usize], (gain, scatter): (f64, f64), sigma_px: f64) -> Option<(usize, Solution)> {
+/// The camera can take all of its steps.
+fn best(camera: &Camera, sum: &Equations, chosen: &[usize], (gain, scatter): (f64, f64)) -> Option<(usize, Solution)> {
     let with = |next: usize| {
         let at: Vec<usize> = chosen.iter().copied().chain([next]).collect();
         sum.solve(&at).map(|solution| (next, solution))
@@ -160,10 +159,10 @@ fn best(sum: &Equations, chosen: &[usize], (gain, scatter): (f64, f64), sigma_px
     let others = (0..sum.parameters.len()).filter(|n| !chosen.contains(n));
     let is_worth = |(next, solution): &(usize, Solution)| {
         let last = chosen.len();
-        let steps = chosen.iter().chain([next]).zip(&solution.steps);
-        let is_possible = |(at, step): (&usize, &f64)| sum.parameters[*at].key != "blur_px" || sigma_px + step >= 0.0;
-        let is_large = solution.steps[last].abs() > LEAST_PX;
-        is_large && solution.gain - gain > GAIN * scatter * scatter && steps.into_iter().all(is_possible)
+        let mut steps = chosen.iter().chain([next]).zip(&solution.steps);
+        solution.gain - gain > GAIN * scatter * scatter
+            && solution.steps[last].abs() > LEAST_PX
+            && steps.all(|(at, step)| sum.parameters[*at].allows(camera, *step))
     };
     others.filter_map(with).filter(is_worth).max_by(|a, b| a.1.gain.total_cmp(&b.1.gain))
 }

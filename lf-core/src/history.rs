@@ -13,6 +13,14 @@ pub struct Step {
     pub arguments: Vec<String>,
 }
 
+impl Step {
+    /// The word after the first of these names of an option.
+    pub fn option(&self, names: [&str; 2]) -> Option<&str> {
+        let at = self.arguments.iter().position(|word| names.contains(&word.as_str()))?;
+        self.arguments.get(at + 1).map(String::as_str)
+    }
+}
+
 /// The steps of a file, oldest first.
 pub type History = Vec<Step>;
 
@@ -32,6 +40,7 @@ mod tests {
     fn a_step_is_one_line() {
         let step =
             Step { tool: "lf-mart".into(), version: "0.1.0".into(), arguments: vec!["a\nb".into(), "-q".into()] };
+        assert_eq!([step.option(["-i", "a\nb"]), step.option(["-q", "--quiet"])], [Some("-q"), None]);
         assert_eq!(lines(&vec![step]), ["lf-mart 0.1.0: a b -q"]);
     }
 }

@@ -35,9 +35,9 @@ pub fn frame(arguments: &FrameArguments, session: &mut Session) -> Result<Verdic
     let mut clipped = Vec::new();
     for ((laser, file), place) in all.iter().zip(&places) {
         let mut frame = session.phase("read", |_| read(arguments, file, &mut sizes))?;
-        let share = image::clipped_share(frame.pixels.view()).filter(|(_, share)| *share >= CLIPPED);
-        clipped.extend(share.map(|(level, share)| (io::name(file), level, share)));
         let change = session.phase("correct", |_| Ok(correction.apply(&mut frame.pixels, *laser)))?;
+        let share = change.clipped.filter(|(_, share)| *share >= CLIPPED);
+        clipped.extend(share.map(|(level, share)| (io::name(file), level, share)));
         let history = session.history(&frame.history);
         session.phase("write", |_| image::save(place, &frame.pixels, &history))?;
         rows.push(row(cells(file, &change)));

@@ -59,6 +59,8 @@ pub struct Change {
     pub noise: [f64; 2],
     /// Brightest pixel, counts.
     pub brightest: [f32; 2],
+    /// Level, counts, and share of the pixels that were clipped before: see [`clipped_share`].
+    pub clipped: Option<(f32, f64)>,
 }
 
 impl Correction {
@@ -66,10 +68,11 @@ impl Correction {
     /// Clipped pixels get the largest count, so that the corrected frame is clipped too.
     pub fn apply(&self, frame: &mut Array2<f32>, laser: usize) -> Change {
         let before = Self::figures(frame);
-        let level = clipped_share(frame.view()).map_or(f32::INFINITY, |(level, _)| level);
-        let mut clipped: Vec<_> =
+        let clipped = clipped_share(frame.view());
+        let level = clipped.map_or(f32::INFINITY, |(level, _)| level);
+        let mut raised: Vec<_> =
             frame.indexed_iter().filter(|(_, count)| **count >= level).map(|(place, _)| place).collect();
-        clipped.retain(|place| self.replaced.binary_search(place).is_err());
+        raised.retain(|place| self.replaced.binary_search(place).is_err());
         if let Some(sensitivity) = &self.sensitivity {
             frame.zip_mut_with(&sensitivity.pixels, |count, sensitivity| *count /= sensitivity);
         }
@@ -78,10 +81,10 @@ impl Correction {
             frame.mapv_inplace(|count| count * factors[laser] as f32);
         }
         let brightest = brightest(frame);
-        clipped.into_iter().for_each(|place| frame[place] = brightest);
+        raised.into_iter().for_each(|place| frame[place] = brightest);
         let after = Self::figures(frame);
         let [mean, noise] = [0, 1].map(|n| [before.0[n], after.0[n]]);
-        Change { mean, noise, brightest: [before.1, after.1] }
+        Change { mean, noise, brightest: [before.1, after.1], clipped }
     }
 
     /// Mean and noise, and the brightest pixel.

@@ -94,6 +94,11 @@ impl Parameter {
         }
     }
 
+    /// Whether a camera can take a step, px: a blur does not fall below 0.
+    pub fn allows(&self, camera: &Camera, step_px: f64) -> bool {
+        self.what != What::Blur || camera.blur.map_or(0.0, |blur| blur.sigma_px) + step_px >= 0.0
+    }
+
     /// Changes the parameter by a step in its unit.
     fn change(&self, camera: &mut Camera, by: f64) {
         let (pixel_mm, edge_px) = (camera.sensor.pixel_pitch_mm, edge_px(camera));

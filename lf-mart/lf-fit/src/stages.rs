@@ -518,9 +518,8 @@ impl<'a, 'o> Stages<'a, 'o> {
         let misfit = self.particles.cameras.misfit();
         // A size that was found without a blur is too large.
         let shape = Shape { sigma_px: self.options.shape.sigma_px, ..shape.blurred() };
-        let deviance = |particles: &Particles| particles.cameras.first().deviance();
         let count = |particles: &Particles| particles.list.len() as f64;
-        let cost = |particles: &Particles| deviance(particles) + GAIN * count(particles);
+        let cost = |particles: &Particles| particles.cameras.first().deviance() + GAIN * count(particles);
         let blurred = self.anew(shape, maxima)?;
         let sharp = std::mem::replace(&mut self.particles, blurred);
         self.share_light();
@@ -669,7 +668,7 @@ impl<'a, 'o> Stages<'a, 'o> {
         let is_camera = self.free.lens.contains(&true);
         if is_camera {
             // A spherical aberration moves all depths.
-            let mut list = self.particles.list.clone();
+            let mut list = std::mem::take(&mut self.particles.list);
             found.particles.into_iter().for_each(|(place, moved)| list[place] = moved);
             self.particles.set(list);
         }
@@ -691,11 +690,10 @@ impl<'a, 'o> Stages<'a, 'o> {
             self.free.lens[likely] = true;
             self.fit_shape()?;
             self.fit("fit", FIRST_STEPS);
-            let deviance = |particles: &Particles| particles.cameras.first().deviance();
             let first = self.particles.cameras.first();
             let is_sure = first.shape.is_corrected(likely, first.shape_std_px)
                 && first.shape.lens_px[likely].abs() > OF_BEND * first.model.bend_px();
-            if !is_sure || deviance(&self.particles) + GAIN > deviance(&before) {
+            if !is_sure || first.deviance() + GAIN > before.cameras.first().deviance() {
                 (self.particles, self.free) = (before, free);
                 break;
             }

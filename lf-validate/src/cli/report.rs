@@ -99,8 +99,7 @@ impl RunFolder {
         let first = self.names.iter().find(|name| name.starts_with("volume-") && name.ends_with(".lfv"))?;
         let volume = self.volume(first).ok()?;
         let step = volume.history().iter().rev().find(|step| ["lf-fit", "lf-mart"].contains(&step.tool.as_str()))?;
-        let option = step.arguments.iter().position(|word| word == "-i" || word == "--image")?;
-        let typed = step.arguments.get(option + 1)?;
+        let typed = step.option(["-i", "--image"])?;
         let beside = [None, Some(self.path.as_path()), self.path.parent()];
         let mut places =
             beside.into_iter().map(|folder| folder.map_or(PathBuf::from(typed), |folder| folder.join(typed)));

@@ -131,12 +131,10 @@ impl Tables {
 /// The parameter that two fits corrected most differently, and both corrections, px. None if they agree, or began with
 /// different cameras.
 fn corrected_apart(one: &Table, other: &Table) -> Option<(String, [f64; 2])> {
-    let camera = |table: &Table| {
-        let step = table.history.iter().rfind(|step| step.tool == "lf-fit")?;
-        let option = step.arguments.iter().position(|word| word == "-c" || word == "--camera")?;
-        step.arguments.get(option + 1).cloned()
-    };
-    if camera(one) != camera(other) {
+    let [first, second] = [one, other].map(|table| {
+        table.history.iter().rfind(|step| step.tool == "lf-fit").and_then(|step| step.option(["-c", "--camera"]))
+    });
+    if first != second {
         return None;
     }
     let apart = |parameter: &String| {

@@ -65,12 +65,10 @@ fn is_later(first: &str, second: &str) -> bool {
 pub fn about(outcome: &Outcome, options: &Options, part: &Grid, has_decided: bool) -> Vec<String> {
     let run = Finished { outcome, options, part };
     let mut lines = vec![run.few_particles(), run.far_from_cubes()];
-    if has_decided {
-        return lines.into_iter().flatten().collect();
-    }
     // Volumes of other particles have their peaks anywhere, also at the end of the search.
-    match run.other_particles() {
+    match run.other_particles().filter(|_| !has_decided) {
         Some(line) => lines.push(Some(line)),
+        None if has_decided => {}
         None => lines.extend([run.near_end(), run.replaced()]),
     }
     lines.into_iter().flatten().collect()

@@ -11,8 +11,8 @@ use rayon::prelude::*;
 /// Defects that were found. Their pixels are blind.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Defects {
-    /// Single pixels: column and row.
-    pub pixels: Vec<[usize; 2]>,
+    /// Number of single pixels.
+    pub pixels: usize,
     /// Whole columns.
     pub columns: Vec<usize>,
     /// Whole rows.
@@ -52,10 +52,10 @@ impl Defects {
     /// Finds defects of a sensor by the counts and the noise that a fit expects, and makes them blind: NaN. Lenslets
     /// are `pitch_px` pixels apart. Returns whether there are new ones.
     pub(crate) fn blind(&mut self, image: &mut ArcArray2<f32>, expected: &[f32], noise: Noise, pitch_px: f64) -> bool {
-        let before = self.clone();
         let [rows, columns] = [0, 1].map(|axis| Differences { image, expected, noise }.defect_lines(axis));
         rows.iter().for_each(|row| image.row_mut(*row).fill(f32::NAN));
         columns.iter().for_each(|column| image.column_mut(*column).fill(f32::NAN));
+        let mut is_new = !(rows.is_empty() && columns.is_empty());
         self.rows.extend(rows);
         self.columns.extend(columns);
         let around = (AROUND * pitch_px).ceil() as usize;
@@ -64,9 +64,10 @@ impl Defects {
             let found = Differences { image, expected, noise }.defect_pixels(around);
             found.iter().for_each(|[column, row]| image[(*row, *column)] = f32::NAN);
             if found.is_empty() {
-                return *self != before;
+                return is_new;
             }
-            self.pixels.extend(found);
+            is_new = true;
+            self.pixels += found.len();
         }
     }
 }

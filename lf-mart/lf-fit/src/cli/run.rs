@@ -125,7 +125,7 @@ fn words(step: &Progress, seconds: f64) -> (String, Value) {
 fn statistics(view: &CameraView) -> Value {
     let [size_std, x_std, y_std, blur_std, ..] = view.shape_std_px;
     let Defects { pixels, columns, rows } = &view.defects;
-    let mut found = json!({"defects": {"pixels": pixels.len(), "columns": columns, "rows": rows},
+    let mut found = json!({"defects": {"pixels": pixels, "columns": columns, "rows": rows},
         "size_px": view.shape.sigma_px, "drift_px": view.shape.drift_px, "size_std_px": size_std,
         "drift_std_px": [x_std, y_std], "gain_counts": view.noise.gain,
         "read_noise_counts": view.noise.read_variance.sqrt()});
@@ -165,7 +165,7 @@ fn warn_of_doubts(doubts: Doubts, view: &CameraView, name: &str, session: &mut S
 fn say_defects(defects: &Defects, name: &str, session: &Session) {
     let Defects { pixels, columns, rows } = defects;
     let lines = |kind: &str, lines: &[usize]| (!lines.is_empty()).then(|| format!("{kind} {lines:?}"));
-    let single = (!pixels.is_empty()).then(|| format!("{} pixels", pixels.len()));
+    let single = (*pixels > 0).then(|| format!("{pixels} pixels"));
     let found: Vec<String> = [single, lines("columns", columns), lines("rows", rows)].into_iter().flatten().collect();
     if !found.is_empty() {
         session.say(format!(

@@ -20,7 +20,8 @@ use rayon::prelude::*;
 const AT_ONCE: usize = 64;
 /// Longest step, pixels.
 const STEP_PX: f64 = 0.1;
-/// Largest number of shorter steps, and of all steps: an error of several pixels is followed to its end.
+/// Largest number of shorter steps, and of all steps: particles of a wrong camera lead beyond its truth, and later fits
+/// follow a larger error to its end.
 const STEPS: usize = 10;
 const ALL_STEPS: usize = 40;
 /// The fit ends if a step needs more damping than this.
