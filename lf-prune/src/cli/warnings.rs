@@ -88,7 +88,8 @@ pub fn warn(
              particles, raise --threshold or take fewer of them"
                 .to_string()
         };
-        session.warn(format!("{share:.1} % of the voxels are kept, so the next stage is slow and gains nothing: {cause}"));
+        session
+            .warn(format!("{share:.1} % of the voxels are kept, so the next stage is slow and gains nothing: {cause}"));
     }
 }
 
