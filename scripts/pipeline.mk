@@ -34,17 +34,23 @@ NOMINAL = nominal.json
 WHITE = white.exr
 WHITE_FLAGS =
 
+# Two or more dark images (the cap on the lens): with two or more white images they tell the sensor's noise, so that
+# lf-fit does not take a wrong model for noise. Without them the noise is found from each frame.
+DARKS =
+
 # A dot target: its folder or images, and what lf-calib needs to know of it: --spacing 1.1 with --depths -4,-2,2,4, with
 # a table --depths depths.csv (columns file,depth_mm), or with the depths in the images' names (dots_z-2.70.tif).
 # Without a target, the main lens is that of the data sheets.
 DOTS =
 DOTS_FLAGS =
 
-# Frames, by their differing parts, whose particles correct the camera: drift since the calibration, and what it left
-# wrong. Ten are enough. Without any, the camera stays as it was calibrated.
-REFINE =
+# Whether particles correct what the calibration left wrong. auto: if the fit of the first frame says that the camera is
+# off, all frames begin with the camera that this fit corrected. Frames, by their differing parts: lf-calib refine takes
+# them all; ten are enough. Nothing: each frame corrects its own camera.
+REFINE = auto
 
-# The background to subtract from every frame: an image, 'auto' for a low quantile of all frames, or nothing. FIRST and
+# The background to subtract from every frame: an image, 'auto' for a low quantile of all frames, 'haze' for the light
+# in each frame that is as smooth as WHITE (a microscope whose whole volume is lit), or nothing. With auto, FIRST and
 # SECOND frames, which two lasers may light, have one each, and so have the first and the second pages of double frames.
 BACKGROUND = auto
 QUANTILE = 0.05
@@ -169,7 +175,7 @@ dry = $(findstring n,$(firstword -$(MAKEFLAGS)))
 again := $(MAKE) -f $(lastword $(MAKEFILE_LIST)) --no-print-directory
 all:
 	+@n=0; status=1; while [ $$status != 0 ] && [ $$n -lt $(TRIES) ]; do \
-	    $(again) -k correlate && status=0; n=$$((n + 1)); \
+	    $(if $(auto),$(if $(dry),,$(again) -s calibrate &&)) $(again) -k correlate && status=0; n=$$((n + 1)); \
 	done; $(if $(dry),,$(again) report &&) exit $$status
 
 calibrate: $(CAMERA)
@@ -200,11 +206,13 @@ made = $(call say,$1 $(or $3,-o) $@); \
     $(RUN) $1 --threads $(THREADS) --stats $(basename $@).stats.json $(or $3,-o) $@ 2> $(log); status=$$?; cat $(log) >&2; \
     [ $$status = 0 ] && echo $@ >> $(LOG)/done.txt || { rm -f $@ $2; exit 2; }
 
-# Calibration: the lattice by white images, the main lens by a dot target, drift by particles. Each step starts from the
-# camera of the step before.
+# Calibration: the lattice by white images, the main lens by a dot target, the noise by dark images, drift by particles.
+# Each step starts from the camera of the step before.
 lattice := $(if $(WHITE),$(OUT)/camera-lattice.json,$(NOMINAL))
 lens := $(if $(DOTS),$(OUT)/camera-volume.json,$(lattice))
-drift := $(if $(REFINE),$(OUT)/camera-refine.json,$(lens))
+steady := $(if $(DARKS),$(OUT)/camera-noise.json,$(lens))
+refining := $(filter-out auto,$(REFINE))
+drift := $(if $(refining),$(OUT)/camera-refine.json,$(steady))
 each = $(foreach name,$2,$(call $1,$(name)))
 colour = $(addprefix --channel ,$(CHANNEL))
 
@@ -215,20 +223,37 @@ targets := $(wildcard $(DOTS) $(DOTS:%=%/*))
 $(OUT)/camera-volume.json: $(lattice) $(targets) | $(LOG)
 	$(call step,$(CALIB) volume $(DOTS) $(DOTS_FLAGS) -c $< $(colour))
 
-drifting = $(call each,file-of,$(REFINE)) $(call each,background-of,$(REFINE)) $(MASK)
-shown = $1 -c $(lens) $(call subtract,$*) $(hidden) $(colour)
-evidence := $(REFINE:%=$(OUT)/evidence-%.json)
-$(REFINE:%=$(OUT)/evidence-support-%.lfv): $(OUT)/evidence-support-%.lfv: $(lens) $$(drifting) | $(LOG)
+$(OUT)/camera-noise.json: $(lens) $(DARKS) | $(LOG)
+	$(call step,$(CALIB) noise $(WHITE) $(addprefix --dark ,$(DARKS)) -c $< $(colour))
+
+drifting = $(call each,file-of,$(refining)) $(call each,background-of,$(refining)) $(MASK)
+shown = $1 -c $(steady) $(call subtract,$*) $(hidden) $(colour)
+evidence := $(refining:%=$(OUT)/evidence-%.json)
+$(refining:%=$(OUT)/evidence-support-%.lfv): $(OUT)/evidence-support-%.lfv: $(steady) $$(drifting) | $(LOG)
 	$(call step,$(BIN)lf-prune $(call shown,$(call frame-of,$*)) --pvr $(coarse) --depth $(DEPTH))
 
-$(evidence): $(OUT)/evidence-%.json: $(OUT)/evidence-support-%.lfv $(lens) | $(LOG)
+$(evidence): $(OUT)/evidence-%.json: $(OUT)/evidence-support-%.lfv $(steady) | $(LOG)
 	$(call step,$(BIN)lf-fit $< $(call shown,-i $(call frame-of,$*)) --particles $(OUT)/evidence-$*.csv,,--evidence)
 
-$(OUT)/camera-refine.json: $(lens) $(evidence) | $(LOG)
+$(OUT)/camera-refine.json: $(steady) $(evidence) | $(LOG)
 	$(call step,$(CALIB) refine $(evidence) -c $<)
 
+# With auto: fit the first frame that can be fitted. As long as lf-fit says that it corrected the camera, that camera
+# replaces this one, and the frame is fitted again.
+auto = $(if $(fits),$(filter auto,$(REFINE)))
+corrected = $(OUT)/camera-corrected.json
+first-fit = $(again) -s FITS_CAMERA=$$name $(OUT)/$(fits-made)-$$name.$(if $(fitted),csv,lfv)
+fits-made = $(if $(fitted),particles,volume)
+fits-said = s/; write the camera with --camera-out, and begin again with it/; all frames begin with that camera/p
 $(CAMERA): $(drift) | $(LOG)
-	@cp $< $@.$$$$ && mv $@.$$$$ $@
+	$(if $(dry),,+@cp $< $@.$$$$ && mv $@.$$$$ $@$(if $(auto),$(if $(ESTIMATE),,; for name in $(wordlist 1,3,$(names)); do \
+	    $(first-fit) || continue; \
+	    for pass in 1 2 3; do \
+	        by=$$(sed -n '$(fits-said)' $(LOG)/$(fits-made)-$$name.txt); [ -n "$$by" ] || break; \
+	        echo "$$by" | tee -a $(LOG)/camera.txt >&2; \
+	        cp $(corrected) $@.$$$$ && mv $@.$$$$ $@ && $(first-fit); \
+	    done; break; \
+	done)))
 
 # The background is made once, from the frames that exist at that time; delete it to have it made anew. It leaves out
 # frames that cannot be read.
@@ -237,14 +262,18 @@ seconds = $(sort $(foreach pair,$(pairs),$(lastword $(call split,$(pair)))))
 series = $(filter $(firsts),$(seconds))
 page-kind = $(if $(series),all,$(if $(filter $1,$(firsts)),first,$(if $(filter $1,$(seconds)),second,all)))
 end-kind = $(if $(filter %$(FIRST),$1),$(FIRST),$(if $(filter %$(SECOND),$1),$(SECOND),all))
-kind = $(if $(PAGES),$(page-kind),$(end-kind))
+hazy = $(filter haze,$(BACKGROUND))
+kind = $(if $(hazy),$1,$(if $(PAGES),$(page-kind),$(end-kind)))
 paged-of = $(call each,frame-of,$(if $(filter first,$1),$(firsts),$(if $(filter second,$1),$(seconds),$(names))))
-frames-of = $(if $(PAGES),$(paged-of),$(wildcard $(subst %,*$(filter-out all,$1),$(FRAME))))
-background-of = $(if $(filter auto,$(BACKGROUND)),$(OUT)/background-$(call kind,$1).exr,$(BACKGROUND))
+like = $(wildcard $(subst %,*$(filter-out all,$1),$(FRAME)))
+frames-of = $(if $(hazy),$(call frame-of,$1),$(if $(PAGES),$(paged-of),$(like)))
+background-of = $(if $(filter auto haze,$(BACKGROUND)),$(OUT)/background-$(call kind,$1).exr,$(BACKGROUND))
 subtract = $(addprefix -b ,$(call background-of,$1))
 
-$(OUT)/background-%.exr: $(NOMINAL) | $(LOG)
-	$(call step,$(CALIB) background $(call frames-of,$*) -c $< --quantile $(QUANTILE) $(colour))
+$(if $(hazy),$(if $(WHITE),,$(error BACKGROUND: haze needs a WHITE image)))
+lowest = $(if $(hazy),--haze $(firstword $(WHITE)),--quantile $(QUANTILE))
+$(OUT)/background-%.exr: $(NOMINAL) $(if $(hazy),$$(call file-of,$$*)) | $(LOG)
+	$(call step,$(CALIB) background $(call frames-of,$*) -c $< $(lowest) $(colour))
 
 # One line per stage. Only our own lf-prune and lf-mart know presets, and lf-mart a log of its sweeps; a swapped stage
 # does not get the options.
@@ -265,7 +294,8 @@ $(supports): $(OUT)/support-%.lfv: $$(call given,$$*) | $(LOG)
 	    $(OUT)/volume-$*.lfv $(call fields-of,$*))
 
 # lf-fit writes its table, --particles, before the volume.
-fitting = $(FITTER) $< -i $(call frame-of,$1) -c $(CAMERA) $(call subtract,$1) $(hidden) $(colour) $(FIT_FLAGS)
+fitting = $(FITTER) $< -i $(call frame-of,$1) -c $(CAMERA) $(call subtract,$1) $(hidden) $(colour) \
+    $(if $(filter $(FITS_CAMERA),$1),--camera-out $(corrected)) $(FIT_FLAGS)
 table-of = $(OUT)/particles-$1.csv
 $(volumes): $(OUT)/volume-%.lfv: $(OUT)/support-%.lfv $$(call given,$$*) | $(LOG)
 ifneq ($(draws),)
@@ -289,7 +319,7 @@ windows:
 	+@$(if $(dry),,for pair in $(pairs); do \
 	    [ ! -e $(WINDOWS) ] || break; \
 	    volumes="$(OUT)/volume-$${pair%-*}.lfv $(OUT)/volume-$${pair#*-}.lfv"; \
-	    $(again) $$volumes && sides=$$($(estimate)) && sides=$${sides#*\"window_mm\":[} && \
+	    $(again) -s $$volumes && sides=$$($(estimate)) && sides=$${sides#*\"window_mm\":[} && \
 	        echo "--window-mm $${sides%%]*}" > $(WINDOWS).$$$$ && mv $(WINDOWS).$$$$ $(WINDOWS); \
 	done; [ -e $(WINDOWS) ])
 
@@ -305,7 +335,7 @@ $(flows): $(OUT)/flow-%.exr: $(OUT)/field-%.exr | $(LOG)
 # windows are those of the first pair.
 first-pair = $(firstword $(pairs))
 list:
-	$(info calibrate $(CAMERA) $(NOMINAL) $(WHITE) $(targets) $(if $(REFINE),$(drifting)))
+	$(info calibrate $(CAMERA) $(NOMINAL) $(WHITE) $(targets) $(DARKS) $(if $(refining),$(drifting)))
 	$(foreach file,$(filter $(OUT)/background-%,$(sort $(call each,background-of,$(names)))),$(info background $(file) $(NOMINAL)))
 	$(foreach name,$(names),$(info prune $(OUT)/support-$(name).lfv $(call given,$(name))))
 	$(foreach name,$(names),$(info volume $(OUT)/volume-$(name).lfv $(OUT)/support-$(name).lfv $(call given,$(name))))

@@ -1,6 +1,6 @@
 //! scripts/pipeline.mk as a list of stages, and scripts/Snakefile, which runs them by that list.
 
-use crate::weather::{campaign, pipeline, said, undisturbed};
+use crate::weather::{campaign, copy, pipeline, said, undisturbed};
 use lf_tests::scripts::{has_programs, text};
 use lf_tests::tools::workspace;
 use std::fs;
@@ -22,7 +22,9 @@ fn the_list_has_every_stage_that_make_runs() {
         return;
     }
     let place = tempfile::tempdir().unwrap();
-    for settings in [&[][..], &["FIT=1", "FLOW=smooth", "WINDOW_MM="], &["BACKGROUND=", "PAIRS=0001a-0002a"]] {
+    for settings in
+        [&[][..], &["FIT=1", "FLOW=smooth", "WINDOW_MM="], &["BACKGROUND=", "PAIRS=0001a-0002a"], &["BACKGROUND=haze"]]
+    {
         let listed = list(place.path(), settings);
         let words: Vec<&str> = ["-n", "-k", "flows"].into_iter().chain(settings.iter().copied()).collect();
         let planned = pipeline(campaign(), place.path(), &words).output().unwrap();
@@ -59,6 +61,35 @@ fn refine_begins_with_the_evidence_of_its_frames() {
     }
     let refine = line("lf-calib refine", "camera-refine.json");
     assert!(refine.contains("evidence-0001a.json") && refine.contains("evidence-0002a.json"), "{refine}");
+}
+
+/// The first frame that can be read corrects the camera, and all frames begin with that camera.
+#[test]
+fn the_first_frame_corrects_the_camera_of_all() {
+    if !has_programs(&["make"]) {
+        return;
+    }
+    let folder = copy();
+    fs::write(folder.path().join("raw/0001a.tif"), "broken").unwrap();
+    let camera = fs::read_to_string(campaign().join("taken/camera.json")).unwrap();
+    let wrong = camera.replace("\"working_f_number\": 4.0", "\"working_f_number\": 3.9");
+    fs::write(folder.path().join("nominal.json"), wrong).unwrap();
+    let out = folder.path().join("out");
+    let settings = ["FIT=1", "NOMINAL=nominal.json", "WHITE=", "BACKGROUND=", "PAIRS=0001a-0001b 0002a-0002b"];
+    let ended = pipeline(folder.path(), &out, &settings).output().unwrap();
+    assert_eq!(ended.status.code(), Some(2), "{}", said(&ended));
+    let log = fs::read_to_string(out.join("log/camera.txt")).unwrap();
+    assert!(
+        log.lines().count() == 1 && log.contains("the f-number") && log.contains("begin with that camera"),
+        "{log}"
+    );
+    for name in ["0001b", "0002a", "0002b"] {
+        let table = fs::read_to_string(out.join(format!("particles-{name}.csv"))).unwrap();
+        assert!(!table.contains("camera corrected"), "{name}: {}", &table[..200]);
+    }
+    let corrected = fs::read(out.join("camera-corrected.json")).unwrap();
+    assert!(corrected != fs::read(folder.path().join("nominal.json")).unwrap());
+    assert!(!out.join("field-0001a-0001b.exr").exists() && out.join("field-0002a-0002b.exr").exists());
 }
 
 /// Snakemake makes the bytes that make makes, leaves out pairs, and refuses settings that do not exist.

@@ -43,7 +43,7 @@ pub fn campaign() -> &'static Path {
 }
 
 /// A copy of the campaign's frames in a new folder, to be spoilt.
-fn copy() -> TempDir {
+pub fn copy() -> TempDir {
     let place = tempfile::tempdir().unwrap();
     fs::create_dir(place.path().join("raw")).unwrap();
     for entry in fs::read_dir(campaign().join("raw")).unwrap().map(Result::unwrap) {
