@@ -34,7 +34,7 @@ NOMINAL = nominal.json
 WHITE = white.exr
 WHITE_FLAGS =
 
-# Two or more dark images (the cap on the lens): with two or more white images they tell the sensor's noise, so that
+# Two or more dark images (the cap on the lens): with two or more white images they show the sensor's noise, so that
 # lf-fit does not take a wrong model for noise. Without them the noise is found from each frame.
 DARKS =
 
