@@ -12,7 +12,11 @@
 //! K(f) = sum P^2 G S / sum P^2 G^2      over f and all frequencies that look like it on the grid
 //! ```
 //!
-//! Its total is 1. The tap of the pixel itself is the share of a particle's light that stays with its own image.
+//! Its total is 1. A particle's own image holds the taps that are like it: each counts as much as a middle that is moved
+//! by so many pixels is like the middle. The halo is the rest, with less than nothing in the pixel itself. If the own
+//! image held the tap of the pixel alone, a fit that holds the halo for a pass would take many passes where the pattern
+//! is wide: after its last one, the light of a particle before hexagonal cells was 5 % too low where lambda g / p is 2.3
+//! px.
 
 use crate::camera::Camera;
 use glam::DVec2;
@@ -24,7 +28,7 @@ use std::f64::consts::{PI, TAU};
 pub struct Halo {
     /// Pixels on each side of the middle.
     reach: usize,
-    /// Far light by pixel, row by row, over the light that stays in the middle pixel, which has 0 itself.
+    /// Far light by pixel, row by row, over the light that the own image holds in the middle pixel.
     kernel: Vec<f32>,
     middle_share: f64,
 }
@@ -74,16 +78,20 @@ impl Halo {
                 row.iter_mut().zip(angles).for_each(|(sum, angle)| *sum += *at * *angle);
             }
         }
+        // A middle that is moved by a pixel is still much like itself.
+        let likeness = |n: usize| {
+            let away = [n % side, n / side].map(|at| at as f64 - reach as f64);
+            (-(away[0] * away[0] + away[1] * away[1]) / (4.0 * core_px * core_px)).exp()
+        };
         let taps: Vec<f64> = (0..side * side)
             .map(|n| {
                 let along = |f: usize| rows[f * side + n % side].rotate(angles[f * side + n / side]).x;
                 (0..side).map(along).sum::<f64>() / (side * side) as f64
             })
             .collect();
-        let centre = reach * side + reach;
-        let middle_share = taps[centre];
+        let middle_share = taps.iter().enumerate().map(|(n, tap)| tap * likeness(n)).sum::<f64>();
         let mut kernel: Vec<f32> = taps.iter().map(|tap| (tap / middle_share) as f32).collect();
-        kernel[centre] = 0.0;
+        kernel[reach * side + reach] -= 1.0;
         Some(Self { reach, kernel, middle_share })
     }
 
@@ -154,7 +162,7 @@ mod tests {
         let mut light = vec![0f32; 5 * 4];
         light[0] = 1.0;
         let around = halo.around(&light, 5);
-        assert_eq!(around[1], halo.kernel[halo.reach * (2 * halo.reach + 1) + halo.reach + 1]);
-        assert_eq!(around[0], 0.0);
+        let middle = halo.reach * (2 * halo.reach + 1) + halo.reach;
+        assert_eq!(around[..2], halo.kernel[middle..middle + 2]);
     }
 }

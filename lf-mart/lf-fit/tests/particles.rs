@@ -431,8 +431,8 @@ fn fresnels_pattern_is_found_and_said() {
         };
         let [far, open, named] =
             [Some(LensletPattern::Fraunhofer), None, Some(LensletPattern::Fresnel)].map(&mut measure);
-        assert!(named[0] < 0.8 * far[0] && open[0] < 0.8 * far[0], "{layout}: {far:?} {open:?} {named:?}");
-        for [_, size_px] in [open, named] {
+        for [off_mm, size_px] in [open, named] {
+            assert!(off_mm < 0.00149 && off_mm < 0.9 * far[0], "{layout}: {far:?} {open:?} {named:?}");
             assert!((size_px - 0.75).abs() < 0.04, "{layout}: {far:?} {open:?} {named:?}");
         }
     }
@@ -479,21 +479,49 @@ fn a_camera_that_does_not_explain_the_image_is_corrected() {
     }
 }
 
+/// A dry objective of NA 0.5 over water, whose lenslets spread light over 2.3 px.
+const MICROSCOPE: &str = r#"camera={"sensor": {"width": 300, "height": 300, "pixel_pitch_mm": 0.005},
+    "main_lens": {"focal_length_mm": 10.0, "magnification": 20.0, "working_f_number": 20.0, "aperture": "circle",
+        "telecentric": {"index": 1.333}},
+    "microlenses": {"layout": "hexagonal", "pitch_mm": 0.1, "focal_length_mm": 1.95, "rotation_rad": 0.0,
+        "offset_mm": [0.0, 0.0]},
+    "blur": {"sigma_px": 0.2, "wavelength_nm": 590.0}}"#;
+
+/// Scar: diffraction as wide as two pixels. The far light was held for so much of the fit that it did not come to its
+/// end: a lone particle had 0.947 of its light, and lay 0.08 px aside.
+#[test]
+fn wide_diffraction_is_fitted_to_the_end() {
+    let f_number = "camera.main_lens.working_f_number=40";
+    let sides = ["volume.x_mm=[0.001,0.0011]", "volume.y_mm=[0.0013,0.0014]", "volume.z_mm=[0.0199,0.02]"];
+    let lone = ["particles.per_lenslet=null", "particles.count=1", "particles.rays=2000000", "truth=null", "frames=1"];
+    let bench = Workbench::new(env!("CARGO_BIN_EXE_lf-fit"));
+    bench.scene("core", &[&[MICROSCOPE, f_number], &sides[..], &lone].concat());
+    bench.folder_run("lf-synth frames scene.json -o scene");
+    bench
+        .folder_run("lf-prune scene/frame-0000.exr -c scene/camera.json --pvr 4,4,r --depth -0.04,0.04 -o support.lfv");
+    let noise = "--gain 1 --read-noise 0.5 --hold camera,drift,sizes";
+    bench.done(&format!("support.lfv -i scene/frame-0000.exr -c scene/camera.json {noise} --particles found.csv"));
+    let (truth, found) = (table(&bench, "scene/particles.csv"), table(&bench, "found.csv"));
+    assert_eq!(found.len(), 1);
+    let light = found[0].intensity / truth[0].intensity;
+    let off_px = (0..2).map(|k| (found[0].place_mm[k] - truth[0].place_mm[k]) / 0.00025);
+    assert!(
+        (light - 1.0).abs() < 0.004 && off_px.clone().all(|off| off.abs() < 0.01),
+        "{light} {:?}",
+        off_px.collect::<Vec<_>>()
+    );
+}
+
 /// Scar: a dry objective over water. The fit found the spherical aberration and gave it up, because squared differences
 /// alone decided and the particles stayed at their old depths: chi2 was 1.2, neighbours correlated by 0.41.
 #[test]
 fn the_spherical_aberration_of_a_microscope_is_corrected() {
-    let camera = r#"camera={"sensor": {"width": 300, "height": 300, "pixel_pitch_mm": 0.005},
-        "main_lens": {"focal_length_mm": 10.0, "magnification": 20.0, "working_f_number": 20.0, "aperture": "circle",
-            "telecentric": {"index": 1.333}},
-        "microlenses": {"layout": "hexagonal", "pitch_mm": 0.1, "focal_length_mm": 1.95, "rotation_rad": 0.0,
-            "offset_mm": [0.0, 0.0]},
-        "blur": {"sigma_px": 0.2, "wavelength_nm": 590.0}, "aberrations": {"spherical_px": 6.8}}"#;
+    let aberrations = "camera.aberrations={\"spherical_px\": 6.8}";
     let noise = "sensor_noise={\"photon_noise\": true, \"read_noise_electrons\": 3}";
     let sides = ["volume.x_mm=[-0.035,0.035]", "volume.y_mm=[-0.035,0.035]", "volume.z_mm=[-0.03,0.03]"];
-    let more = [camera, noise, "truth=null", "frames=1", "particles.per_lenslet=0.1", "particles.rays=40000", "seed=2"];
+    let more = [MICROSCOPE, aberrations, noise, "truth=null", "frames=1", "particles.per_lenslet=0.1", "seed=2"];
     let bench = Workbench::new(env!("CARGO_BIN_EXE_lf-fit"));
-    bench.scene("core", &[&sides[..], &more].concat());
+    bench.scene("core", &[&sides[..], &more, &["particles.rays=40000"]].concat());
     bench.folder_run("lf-synth frames scene.json -o scene");
     let mut plain = Camera::open(&bench.path("scene/camera.json")).unwrap();
     plain.aberrations = None;
