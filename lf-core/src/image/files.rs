@@ -42,7 +42,8 @@ pub fn frames(paths: &[PathBuf]) -> Vec<PathBuf> {
     paths.iter().flat_map(pages).collect()
 }
 
-/// A pixel that counts less than this fraction of its light is blind: the flat field would multiply its noise by 20.
+/// A pixel that counts less than this fraction of its light is blind: the flat field would multiply its noise by 20. A
+/// negative one is blind too, and has the light of its absolute value.
 pub const BLIND: f32 = 0.05;
 
 /// Images of the sensor's size that belong to a frame.
@@ -146,6 +147,8 @@ fn read_frame(
             }
         });
     }
+    // The light of a blind pixel spreads to others.
+    flat.iter_mut().for_each(|flat| flat.mapv_inplace(f32::abs));
     if let Some(cut) = camera.cut_pixels() {
         image.pixels.zip_mut_with(&cut, |pixel, share| *pixel = if share.is_nan() { *pixel } else { f32::NAN });
         // Light that arrives at a cut pixel spreads to others. A measured flat field knows how much it is.

@@ -1,4 +1,5 @@
-//! Flat fields that blind a part of the pixels: 0 where a pixel is blind, as the given one elsewhere.
+//! Flat fields that blind a part of the pixels: they are negative there, and as the given one elsewhere. The light of a
+//! blind pixel still spreads to others.
 
 use glam::DVec2;
 use lf_core::{Camera, Optics};
@@ -29,7 +30,7 @@ pub fn pupil_halves(flat: &Array2<f32>, camera: &Camera) -> [Array2<f32>; 2] {
 fn parted(flat: &Array2<f32>, is_part: &Array2<bool>) -> [Array2<f32>; 2] {
     [false, true].map(|wanted| {
         let mut half = flat.clone();
-        half.zip_mut_with(is_part, |pixel, is_part| *pixel *= f32::from(*is_part == wanted));
+        half.zip_mut_with(is_part, |pixel, is_part| *pixel *= if *is_part == wanted { 1.0 } else { -1.0 });
         half
     })
 }
@@ -42,7 +43,8 @@ mod tests {
     fn a_tenth_is_held_out_and_each_pixel_is_in_one_part() {
         let flat = Array2::from_elem((200, 300), 0.8);
         let [rest, held] = held_out(&flat, 0.1, 3);
-        assert_eq!(&rest + &held, flat);
+        assert_eq!(rest.mapv(|share| share.max(0.0)) + held.mapv(|share| share.max(0.0)), flat);
+        assert_eq!(rest.mapv(f32::abs), flat);
         let share = held.iter().filter(|pixel| **pixel > 0.0).count() as f64 / 60_000.0;
         assert!((share - 0.1).abs() < 0.005, "{share}");
     }
@@ -58,10 +60,10 @@ mod tests {
         )
         .unwrap();
         let [left, right] = pupil_halves(&Array2::<f32>::ones((280, 280)), &camera);
-        assert_eq!(&left + &right, Array2::<f32>::ones((280, 280)));
+        assert_eq!(&left + &right, Array2::<f32>::zeros((280, 280)));
         // The axis passes between two lenslets of 14 px.
         let row = |half: &Array2<f32>| (140..154).map(|column| half[[100, column]]).collect::<Vec<f32>>();
-        assert_eq!(row(&left), [[1.0; 7], [0.0; 7]].concat());
-        assert_eq!(row(&right), [[0.0; 7], [1.0; 7]].concat());
+        assert_eq!(row(&left), [[1.0; 7], [-1.0; 7]].concat());
+        assert_eq!(row(&right), [[-1.0; 7], [1.0; 7]].concat());
     }
 }
