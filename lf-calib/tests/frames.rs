@@ -99,7 +99,9 @@ fn a_background_of_few_frames_is_warned_of() {
     assert!(said("0a.exr").contains("the background of one frame is the frame itself"));
     assert!(said("0a.exr 1a.exr").contains("in all 2 frames stays in the background"));
     assert_eq!(said("0a.exr --mean"), "");
-    assert_eq!(said("0a.exr 1a.exr 2a.exr 3a.exr 0b.exr"), "");
+    let five = "0a.exr 1a.exr 2a.exr 3a.exr 0b.exr";
+    assert!(said(five).contains("far apart"));
+    assert_eq!(said(&format!("{five} {five}")), "");
 }
 
 /// A stream of one frame is read once. Pixels that the image of even light does not show are counted.

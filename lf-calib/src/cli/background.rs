@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 /// Bytes of a pixel that a frame takes while it is read.
 const READ_BYTES: f64 = 12.0;
 /// Fewer frames leave light of particles in the background.
-const ENOUGH: usize = 5;
+const ENOUGH: usize = 10;
 
 pub fn background(arguments: &BackgroundArguments, session: &mut Session) -> Result<Verdict> {
     let BackgroundArguments { frames, quantile, mean, sliding, haze, camera, reading, output, memory, .. } = arguments;
@@ -71,7 +71,8 @@ pub fn background(arguments: &BackgroundArguments, session: &mut Session) -> Res
             ),
             2..ENOUGH => session.warn(format!(
                 "light that lies in the same place in all {used} frames stays in the background, that of particles too: \
-                 give at least {ENOUGH} frames, or --mean of frames without particles"
+                 give at least {ENOUGH} frames, so far apart that particles have left their places, or --mean of \
+                 frames without particles"
             )),
             _ => (),
         }

@@ -38,9 +38,21 @@ fn rounded(mm: f64) -> f64 {
 /// The windows that were chosen from the particles.
 pub fn chosen_windows(seeding: &Seeding, options: &Options) -> String {
     let last = options.passes.last().expect("a plan has a pass");
-    let (_, [x, y, z]) = windows_mm(options, &seeding.part);
+    let (_, sides_mm) = windows_mm(options, &seeding.part);
+    let [x, y, z] = sides_mm;
+    let [low, high] = [x.min(y).min(z), x.max(y).max(z)];
+    // A sheet thinner than a cube allows no better.
+    let is_cut = (0..3).any(|axis| sides_mm[axis] == low && last.window[axis] == seeding.part.shape[axis]);
+    let why = match high > 2.0 * low && !is_cut {
+        true => format!(
+            "; they are {:.1} times as long one way as another, because a window has 8 voxels or more and is twice as long \
+             as a particle: finer voxels (lf-prune --pvr) allow cubes",
+            high / low
+        ),
+        false => String::new(),
+    };
     format!(
-        "windows of {} voxels, {x} x {y} x {z} mm; the median one holds {} of {} particles (--window-mm {x},{y},{z})",
+        "windows of {} voxels, {x} x {y} x {z} mm; the median one holds {} of {} particles (--window-mm {x},{y},{z}){why}",
         triple(last.window),
         seeding.in_median_window(last),
         seeding.tops.len()
