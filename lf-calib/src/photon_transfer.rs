@@ -34,8 +34,8 @@ const WITHIN: f64 = 0.998_929;
 const HOT: f64 = 10.0;
 /// Rounds of the weighted fit of the line.
 const ROUNDS: usize = 4;
-/// Brightest levels that are left out, as a share of the largest count: clipped pixels have no noise. The mean of a pair
-/// decides: their larger count would keep the pairs that differ little.
+/// Brightest levels that are left out, as a share of the largest count: clipped pixels have no noise. The mean of a
+/// pair decides: their larger count would keep the pairs that differ little.
 const BELOW_CLIPPED: f32 = 0.97;
 /// Variance of a sensor that rounds to whole counts, and the least read noise that whole counts show.
 const ROUNDING: f64 = 1.0 / 12.0;
@@ -209,9 +209,9 @@ mod tests {
         })
     }
 
-    /// Scar: lenslet images are bright plateaus with steep rims. Of a plateau those pairs were kept whose counts are both
-    /// below the brightest, and bins at a rim hold all levels, of which the bright ones were taken for outliers: the gain
-    /// was 5 % too low, and the sensor 'not linear'.
+    /// Scar: lenslet images are bright plateaus with steep rims. Of a plateau those pairs were kept whose counts are
+    /// both below the brightest, and bins at a rim hold all levels, of which the bright ones were taken for outliers:
+    /// the gain was 5 % too low, and the sensor 'not linear'.
     #[test]
     fn steep_rims_leave_the_gain_alone() {
         let image = |light: f64, seed: u64| {

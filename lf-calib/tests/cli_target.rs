@@ -42,6 +42,10 @@ fn targets_that_cannot_be_used() {
     );
     unusable("a.exr b.exr --spacing 0.3 --depths 3", "--depths: 1 depths for 2 images; wanted one for each image");
     unusable(
+        "z+11.exr z+3.exr --spacing 0.3 --depths 3,11",
+        "--depths: the names of the images say 11,3 in this order; wanted the order of the images, or no --depths",
+    );
+    unusable(
         "a.exr b.exr --spacing 0.3 --depths 3,x",
         "--depths: 3,x; wanted numbers between commas, mm, or a table FILE.csv",
     );

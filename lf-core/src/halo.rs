@@ -12,11 +12,10 @@
 //! K(f) = sum P^2 G S / sum P^2 G^2      over f and all frequencies that look like it on the grid
 //! ```
 //!
-//! Its total is 1. A particle's own image holds the taps that are like it: each counts as much as a middle that is moved
-//! by so many pixels is like the middle. The halo is the rest, with less than nothing in the pixel itself. If the own
-//! image held the tap of the pixel alone, a fit that holds the halo for a pass would take many passes where the pattern
-//! is wide: after its last one, the light of a particle before hexagonal cells was 5 % too low where lambda g / p is 2.3
-//! px.
+//! Its total is 1. A particle's own image holds the taps that are like it: each counts as much as a middle that is
+//! moved to its pixel is like the middle. The halo is the rest, with less than nothing in the pixel itself. If the
+//! own image held the tap of the pixel alone, a fit that holds the halo for a pass would take many passes where the
+//! pattern is wide: where lambda g / p is 2.3 px, the light of a particle before hexagonal cells stayed 5 % too low.
 
 use crate::camera::Camera;
 use glam::DVec2;

@@ -132,7 +132,19 @@ fn typed(images: &[PathBuf], text: &str) -> Result<Vec<f64>> {
         let found = format!("{} depths for {} images", depths.len(), images.len());
         return Err(Error::new("--depths", found, "wanted one for each image"));
     }
-    Ok(depths)
+    let sorted = |depths: &[f64]| {
+        let mut depths = depths.to_vec();
+        depths.sort_by(f64::total_cmp);
+        depths
+    };
+    match named(images) {
+        Ok(names) if names != depths && sorted(&names) == sorted(&depths) => {
+            let names: Vec<String> = names.iter().map(f64::to_string).collect();
+            let found = format!("the names of the images say {} in this order", names.join(","));
+            Err(Error::new("--depths", found, "wanted the order of the images, or no --depths"))
+        }
+        _ => Ok(depths),
+    }
 }
 
 /// Takes away the images of a folder that the table does not list; an image that was typed must be in the table.

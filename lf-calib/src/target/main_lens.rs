@@ -192,7 +192,14 @@ impl TargetSearch<'_> {
             far if far.is_empty() => (!follows(&found.fit.misfit)).then(|| "the dots follow no camera".to_owned()),
             far => Some(far.join(", ")),
         };
-        let Some(in_doubt) = alone.as_ref().map_or(Some("no camera fits".to_owned()), doubt) else {
+        let depths = || self.exposures.iter().map(|exposure| exposure.depth_mm());
+        let is_one_sided = depths().all(|depth| depth > 0.0) || depths().all(|depth| depth < 0.0);
+        let none = if is_one_sided {
+            "no camera fits (dots on one side of the focus leave much open)"
+        } else {
+            "no camera fits"
+        };
+        let Some(in_doubt) = alone.as_ref().map_or(Some(none.to_owned()), doubt) else {
             return alone.map(|alone| (alone, None));
         };
         let held = self.found(sightings, groups, start, true).filter(|held| doubt(held).is_none());

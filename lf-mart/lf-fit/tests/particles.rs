@@ -479,8 +479,8 @@ fn a_camera_that_does_not_explain_the_image_is_corrected() {
     }
 }
 
-/// Scar: cameras that are blind to a part of the pixels. Blind pixels had no light, also none that spreads to others: of
-/// this good frame chi2 was 1.13 with each half of the pupil, and 23 in the pixels that were held out.
+/// Scar: cameras that are blind to a part of the pixels. Blind pixels had no light, also none that spreads to others:
+/// of this good frame chi2 was 1.13 with each half of the pupil, and 23 in the pixels that were held out.
 #[test]
 fn light_spreads_from_blind_pixels() {
     let blur = "camera.blur={\"wavelength_nm\": 532, \"sigma_px\": 0.4}";
