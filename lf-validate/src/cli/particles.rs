@@ -6,6 +6,7 @@ use super::output::print;
 use lf_core::cli::numbers;
 use lf_core::{Error, Particle, Result, Session, Verdict, io, particles};
 use lf_validate::scores::particles::particles as score;
+use lf_validate::scores::slabs::slabs;
 use std::path::{Path, PathBuf};
 
 /// Recall, ghosts and errors of particles, and their stated uncertainties
@@ -51,10 +52,10 @@ pub struct ParticlesArguments {
     /// Only particles with their place, true or found, in this box, mm
     #[arg(long, value_name = "X0,X1,Y0,Y1,Z0,Z1", allow_hyphen_values = true, value_parser = numbers::<6>)]
     bounds: Option<[f64; 6]>,
-    /// Distances from the focal plane between which particles are scored apart, rising, mm
+    /// Distances from the focal plane between which particles are scored apart, rising, mm [default:
+    /// 0,0.15,0.3,0.5,1,2,3,4,5 and on to the farthest; of a microscope a tenth or a hundredth]
     #[arg(long, value_name = "Z,Z,...", value_delimiter = ',', value_parser = number)]
-    #[arg(default_value = "0,0.15,0.3,0.5,1,2,3,4,5")]
-    depths: Vec<f64>,
+    depths: Option<Vec<f64>>,
     /// Exit code 1 when the recall is below this
     #[arg(long, help_heading = "Limits", value_name = "SHARE", value_parser = share)]
     min_recall: Option<f64>,
@@ -66,15 +67,14 @@ pub struct ParticlesArguments {
     max_rms: Option<[f64; 3]>,
 }
 
+/// The usual `--depths`.
+const USUAL_DEPTHS: [f64; 9] = [0.0, 0.15, 0.3, 0.5, 1.0, 2.0, 3.0, 4.0, 5.0];
+
 /// Scores the particles of one frame.
 pub fn judge(arguments: &ParticlesArguments, session: &mut Session) -> Result<Verdict> {
     let files: Vec<&Path> =
         [&arguments.truth, &arguments.found].into_iter().chain(&arguments.camera).map(PathBuf::as_path).collect();
     session.keep_apart(Path::new("-"), &files)?;
-    if !arguments.depths.is_sorted_by(|a, b| a < b) || arguments.depths[0] < 0.0 {
-        let typed: Vec<String> = arguments.depths.iter().map(f64::to_string).collect();
-        return Err(Error::new("--depths", typed.join(","), "wanted rising distances from 0"));
-    }
     let (truth, found, pixel_mm) = session.phase("read", |session| {
         let truth = bounded(open_particles(&arguments.truth, arguments.frame, session)?, arguments.bounds);
         Ok((truth, found(arguments, session)?, pixel_mm(arguments.camera.as_deref())?))
@@ -89,7 +89,9 @@ pub fn judge(arguments: &ParticlesArguments, session: &mut Session) -> Result<Ve
         return Err(Error::new(io::name(&arguments.found), "no length within which particles match", wanted));
     }
     let box_mm = least.map(|side| side * unit_mm);
-    let score = session.phase("score", |_| Ok(score(&truth, &found, box_mm, &arguments.depths, pixel_mm)))?;
+    let depths =
+        slabs(arguments.depths.as_deref(), &USUAL_DEPTHS, &truth).map_err(|refusal| refusal.about("--depths"))?;
+    let score = session.phase("score", |_| Ok(score(&truth, &found, box_mm, &depths, pixel_mm)))?;
     let [of_truth, of_found, both] = score.all.counts;
     for (name, count) in [("truth", of_truth), ("found", of_found), ("matched", both)] {
         session.count(name, count);

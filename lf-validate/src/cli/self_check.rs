@@ -7,6 +7,7 @@ use lf_core::cli::ImageOptions;
 use lf_core::image::{self, FrameFiles};
 use lf_core::{Camera, Error, Result, Session, Verdict, io, particles};
 use lf_validate::scores::self_check::{Agreement, HeldOut, agreement, held_out, self_check};
+use lf_validate::scores::slabs::slabs;
 use std::path::{Path, PathBuf};
 
 /// A fit checked on its own frame, without a truth
@@ -55,10 +56,10 @@ pub struct SelfArguments {
     mask: Option<PathBuf>,
     #[command(flatten)]
     noise: NoiseOptions,
-    /// Distances from the focal plane between which particles are compared apart, rising, mm
+    /// Distances from the focal plane between which particles are compared apart, rising, mm [default:
+    /// 0,0.5,1,2,3,4,5 and on to the farthest; of a microscope a tenth or a hundredth]
     #[arg(long, value_name = "Z,Z,...", value_delimiter = ',', value_parser = number)]
-    #[arg(default_value = "0,0.5,1,2,3,4,5")]
-    depths: Vec<f64>,
+    depths: Option<Vec<f64>>,
     #[command(flatten)]
     reading: ImageOptions,
     /// Exit code 1 when stated uncertainties are too small by more than this
@@ -72,10 +73,12 @@ pub struct SelfArguments {
 /// A pair is apart by this at most across the axis, pixels at the focal plane. Along it, by the depth that the camera
 /// resolves.
 const ASIDE_PX: f64 = 1.5;
+/// The usual `--depths`.
+const USUAL_DEPTHS: [f64; 7] = [0.0, 0.5, 1.0, 2.0, 3.0, 4.0, 5.0];
 
 /// Compares, and prints the checks.
 pub fn judge(arguments: &SelfArguments, session: &mut Session) -> Result<Verdict> {
-    let SelfArguments { tables, camera: file, expected, image, background, mask, depths, .. } = arguments;
+    let SelfArguments { tables, camera: file, expected, image, background, mask, .. } = arguments;
     let inputs: Vec<&Path> = tables
         .iter()
         .chain([file])
@@ -83,10 +86,6 @@ pub fn judge(arguments: &SelfArguments, session: &mut Session) -> Result<Verdict
         .map(PathBuf::as_path)
         .collect();
     session.keep_apart(Path::new("-"), &inputs)?;
-    if !depths.is_sorted_by(|a, b| a < b) || depths[0] < 0.0 {
-        let typed: Vec<String> = depths.iter().map(f64::to_string).collect();
-        return Err(Error::new("--depths", typed.join(","), "wanted rising distances from 0"));
-    }
     if tables.len() == 1 || (tables.is_empty() && expected.is_none()) {
         let wanted = "wanted the tables of two parts, or --expected";
         return Err(Error::new("self", format!("{} tables of particles", tables.len()), wanted));
@@ -119,7 +118,8 @@ fn compared(arguments: &SelfArguments, camera: &Camera, session: &mut Session) -
     let [one, other] = arguments.tables.as_slice() else { return Ok(None) };
     let [a, b] = [particles::open(one, session)?, particles::open(other, session)?];
     let box_px = [ASIDE_PX, ASIDE_PX, camera.depth_resolution_px()];
-    agreement([&a, &b], box_px, &arguments.depths, camera.pixel_in_focus_mm())
+    let depths = slabs(arguments.depths.as_deref(), &USUAL_DEPTHS, &a).map_err(|refusal| refusal.about("--depths"))?;
+    agreement([&a, &b], box_px, &depths, camera.pixel_in_focus_mm())
         .map(Some)
         .map_err(|(n, refusal)| refusal.about(io::name(&arguments.tables[n])))
 }

@@ -4,7 +4,7 @@ use lf_core::{Refusal, io::Signature};
 
 /// The kinds that are described.
 pub(super) const WANTED: &str =
-    "wanted a .lfv, EXR, TIFF, PNG, .nc, .vti, SVG, or a JSON, JSON Lines or CSV that a tool reads or writes";
+    "wanted a .lfv, EXR, TIFF, PNG, .nc, .vti, .vtp, SVG, or a JSON, JSON Lines or CSV that a tool reads or writes";
 
 /// A kind of content.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -23,7 +23,7 @@ pub enum FileKind {
     Table,
     /// The lenslets of a white image, from `lf-calib lattice --centres`.
     Centres,
-    /// A vector field for ParaView.
+    /// A vector field, points or tracks for ParaView.
     Vti,
     /// An SVG picture.
     Picture,

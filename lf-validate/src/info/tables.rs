@@ -90,11 +90,13 @@ pub fn centres(text: &str) -> Result<Description, Refusal> {
     Ok(about)
 }
 
-/// Describes a vector field for ParaView by the start of its header.
+/// Describes a vector field or points for ParaView by the start of its header.
 pub fn vti(bytes: &[u8]) -> Description {
     const HEADER: usize = 1 << 16;
-    let mut about = Description::new("image data of VTK (.vti)");
     let header = String::from_utf8_lossy(&bytes[..bytes.len().min(HEADER)]);
+    let is_points = header.contains("type=\"PolyData\"");
+    let what = if is_points { "points or tracks of VTK (.vtp)" } else { "image data of VTK (.vti)" };
+    let mut about = Description::new(what);
     let quoted = |after: &str| Some(header.split_once(after)?.1.split('"').next().unwrap_or_default().to_owned());
     for (label, key) in [("places", "WholeExtent=\""), ("first at, mm", "Origin=\""), ("apart, mm", "Spacing=\"")] {
         if let Some(text) = quoted(key) {
@@ -103,7 +105,7 @@ pub fn vti(bytes: &[u8]) -> Description {
     }
     let arrays: Vec<&str> = header.split("Name=\"").skip(1).filter_map(|rest| rest.split('"').next()).collect();
     about.line("arrays", arrays.join(", "));
-    about.line("read by", "ParaView; the tools read the same field as EXR");
+    about.line("read by", if is_points { "ParaView" } else { "ParaView; the tools read the same field as EXR" });
     about
 }
 

@@ -16,4 +16,5 @@ pub mod particles;
 pub mod precision;
 pub mod quality;
 pub mod self_check;
+pub mod slabs;
 pub(crate) mod units;
