@@ -5,8 +5,8 @@ use super::folder::RunFiles;
 use super::html::{Section, escape};
 use super::source::Source;
 use super::{camera, fields, frames, particles, space, stages, verdict, volumes, warnings};
-use lf_core::image::noise;
 use lf_core::{Camera, Refusal};
+use serde_json::Value;
 
 const PAGE: &str = include_str!("page/page.html");
 const STYLE: &str = include_str!("page/page.css");
@@ -45,7 +45,6 @@ pub fn report(source: &dyn Source, options: &PageOptions) -> Result<Report, Refu
         let read = source.text(file).and_then(|text| Camera::from_json(&text).map_err(|refusal| refusal.about(file)));
         read.map_err(|error| unread.push(error.to_string())).ok()
     });
-    let noise = options.frame.as_deref().and_then(|frame| noise_share(source, frame));
     let FieldSections { view, statistics, mut summary, motion, history } =
         fields::sections(source, &folder.fields, folder.mean.as_deref(), camera.as_ref(), &mut unread);
     let stats = stages::read(source, &folder.stats);
@@ -57,7 +56,7 @@ pub fn report(source: &dyn Source, options: &PageOptions) -> Result<Report, Refu
         summary.push(("time and memory".into(), format!("{seconds:.1} s in all stages, {:.0} MB", 1e-6 * peak_bytes)));
         timing = Some(section);
     }
-    let particles = particles::section(source, &folder.particles, camera.as_ref(), noise, &mut unread);
+    let particles = particles::section(source, &folder.particles, camera.as_ref(), fitted_noise(&stats), &mut unread);
     let sections: Vec<Section> = [
         view,
         space::section(source, &folder, camera.as_ref()),
@@ -85,11 +84,10 @@ pub fn report(source: &dyn Source, options: &PageOptions) -> Result<Report, Refu
     Ok(Report { html, sections: sections.len(), warnings: lines.len() + unread.len(), unread })
 }
 
-/// Noise of a frame as a share of its brightest pixel.
-fn noise_share(source: &dyn Source, frame: &str) -> Option<f64> {
-    let pixels = source.image(frame).ok()?;
-    let brightest = pixels.iter().fold(0f32, |most, value| most.max(*value));
-    (brightest > 0.0).then(|| noise(pixels.view()) / f64::from(brightest))
+/// Gain and read noise, counts, of the first run of lf-fit.
+fn fitted_noise(stats: &[(String, Value)]) -> Option<[f64; 2]> {
+    let number = |run: &Value, key: &str| run["counts"][key].as_f64();
+    stats.iter().find_map(|(_, run)| Some([number(run, "gain_counts")?, number(run, "read_noise_counts")?]))
 }
 
 /// Lines of the summary that follow from the names alone.

@@ -15,16 +15,12 @@ const WINDOW_PX: f64 = 160.0;
 /// Standard deviation of a particle, pixels of the focal plane: that of the bound.
 const SIGMA_PX: f64 = 0.75;
 
-/// A frame with less noise has no bound: rounding to 12 bits, as a share of the brightest pixel.
-const LEAST_NOISE: f64 = 7e-5;
-
-/// The section. `noise`: standard deviation of a pixel's noise as a share of the brightest pixel, if a frame is known.
-/// None without tables.
+/// The section. `noise`: gain and read noise of the frames, counts, if a fit found them. None without tables.
 pub(super) fn section(
     source: &dyn Source,
     files: &[String],
     camera: Option<&Camera>,
-    noise: Option<f64>,
+    noise: Option<[f64; 2]>,
     notes: &mut Vec<String>,
 ) -> Option<Section> {
     let mut all: Vec<Particle> = Vec::new();
@@ -52,7 +48,8 @@ pub(super) fn section(
         all.len() as f64 / tables as f64
     ));
     let per_lenslet = camera.map(|camera| density(camera, all.len() as f64 / tables as f64));
-    let noise = noise.filter(|noise| *noise >= LEAST_NOISE);
+    let light = median(&mut all.iter().map(|particle| particle.intensity).collect::<Vec<f64>>());
+    let noise = noise.map(|[gain, read]| Noise::Counts { light, gain, read });
     let bound = camera
         .zip(per_lenslet)
         .zip(noise)
@@ -98,10 +95,10 @@ fn density(camera: &Camera, particles: f64) -> f64 {
 }
 
 /// The Cramer-Rao bound of this camera, density and noise. None if it cannot be computed.
-fn bound(camera: &Camera, per_lenslet: f64, noise: f64, depth_mm: [f64; 2]) -> Option<Precision> {
+fn bound(camera: &Camera, per_lenslet: f64, noise: Noise, depth_mm: [f64; 2]) -> Option<Precision> {
     let experiment = Experiment {
         per_lenslet: per_lenslet.clamp(1e-3, 10.0),
-        noise: Noise::Share(noise.min(1.0)),
+        noise,
         sigma_px: SIGMA_PX,
         depth_mm,
         window_mm: WINDOW_PX * camera.pixel_in_focus_mm(),
@@ -110,14 +107,13 @@ fn bound(camera: &Camera, per_lenslet: f64, noise: f64, depth_mm: [f64; 2]) -> O
     precision(camera, &experiment).ok()
 }
 
-fn caption(has_bound: bool, per_lenslet: Option<f64>, noise: Option<f64>) -> String {
+fn caption(has_bound: bool, per_lenslet: Option<f64>, noise: Option<Noise>) -> String {
     let stated = "Uncertainties are those that the tables state.";
     match (has_bound, per_lenslet, noise) {
-        (true, Some(density), Some(noise)) => format!(
-            "{stated} The bound is that of lf-validate precision for {density:.2} particles a lenslet and a noise of \
-             {:.2} % of the brightest pixel.",
-            100.0 * noise
+        (true, Some(density), Some(Noise::Counts { light, gain, read })) => format!(
+            "{stated} The bound is that of lf-validate precision for {density:.2} particles a lenslet of {light:.0} counts, \
+             {gain:.3} counts an electron and a read noise of {read:.2} counts."
         ),
-        _ => format!("{stated} Their bound needs a camera and a frame with noise."),
+        _ => format!("{stated} Their bound needs a camera, and the noise that lf-fit found."),
     }
 }
