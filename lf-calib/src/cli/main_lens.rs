@@ -85,8 +85,10 @@ fn report(found: &MainLensFit, images: usize, session: &mut Session) {
          data require {selected}; the target's zero stands at x, y, z = {zero} mm of the camera",
         value("magnification", 6)
     ));
-    for (a, b, correlation) in &found.correlated {
-        session.warn(format!("{a} and {b} can hardly be separated: correlation {correlation:.3}"));
+    let pairs = found.correlated.iter().map(|(a, b, correlation)| format!("{a} and {b} ({correlation:.3})"));
+    let pairs: Vec<String> = pairs.collect();
+    if !pairs.is_empty() {
+        session.warn(format!("parameters can hardly be separated, by their correlation: {}", pairs.join(", ")));
     }
 }
 
