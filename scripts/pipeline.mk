@@ -210,6 +210,7 @@ made = $(call say,$1 $(or $3,-o) $@); \
 # Each step starts from the camera of the step before.
 lattice := $(if $(WHITE),$(OUT)/camera-lattice.json,$(NOMINAL))
 lens := $(if $(DOTS),$(OUT)/camera-volume.json,$(lattice))
+$(if $(DARKS),$(if $(WHITE),,$(error DARKS: the noise needs WHITE images too)))
 steady := $(if $(DARKS),$(OUT)/camera-noise.json,$(lens))
 refining := $(filter-out auto,$(REFINE))
 drift := $(if $(refining),$(OUT)/camera-refine.json,$(steady))

@@ -30,15 +30,18 @@ fn f_numbers(camera: &Camera) -> Option<String> {
     }
     let image_px = fill * camera.pitch_px();
     let what = if fill > 1.0 { "overlap" } else { "leave gaps" };
-    let matched = lens.working_f_number * fill;
-    let ring = lens.working_f_number * (1.0 + lens.magnification);
+    // The words are about the data sheets: a camera that stands in air for one before a liquid has longer lengths.
+    let index = camera.stands_for_index();
+    let stated = lens.working_f_number / index;
+    let matched = stated * fill;
+    let ring = stated * (1.0 + lens.magnification);
     let remedy = if lens.telecentric.is_none() && (matched / ring - 1.0).abs() < 2.0 * NOTABLE {
-        format!("if {} is the number on the lens's ring, give it with --ring", short(lens.working_f_number))
+        format!("if {} is the number on the lens's ring, give it with --ring", short(stated))
     } else {
         format!(
             "a working f-number of {matched:.2} matches lenslets of {} mm and {} mm focal length",
             short(array.pitch_mm),
-            short(array.focal_length_mm)
+            short(array.focal_length_mm / index)
         )
     };
     Some(format!(
@@ -112,6 +115,10 @@ mod tests {
                 .join("")
                 .starts_with("lenslet images leave gaps: 12.4 px")
         );
+        let mut water =
+            DataSheet { working_f_number: 3.5, ..seed() }.camera(Some(&Liquid::InAir { index: 1.333 })).unwrap();
+        water.calibration = Some(serde_json::json!({"nominal": {"stands_in_air_for_index": 1.333}}));
+        assert_eq!(sheet_warnings(&water, None).join(""), text);
         // f/2 on the ring is a working f-number of 4 at m = 1.
         let text = warnings_of(|sheet| sheet.working_f_number = 2.0).join("");
         assert!(text.ends_with("if 2 is the number on the lens's ring, give it with --ring"), "{text}");
