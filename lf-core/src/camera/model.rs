@@ -49,8 +49,9 @@ pub struct Camera {
     /// A second stop that cuts into the lenslet images; none if absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub second_stop: Option<SecondStop>,
-    /// File of the flat-field image: the fraction of its light that each pixel counts; 1 everywhere if absent. The path
-    /// is relative to the folder of the camera's file. See [`crate::image::open_frame`].
+    /// File of the flat-field image: the fraction of its light that each pixel counts; 1 everywhere if absent. Pixels
+    /// below [`crate::image::BLIND`] are blind; a negative one has the light of its absolute value, which spreads. The
+    /// path is relative to the folder of the camera's file. See [`crate::image::open_frame`].
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub vignetting: Option<PathBuf>,
     /// Where the camera stands among others; absent, its own frame is the common one.
