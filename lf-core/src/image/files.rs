@@ -147,8 +147,6 @@ fn read_frame(
             }
         });
     }
-    // The light of a blind pixel spreads to others.
-    flat.iter_mut().for_each(|flat| flat.mapv_inplace(f32::abs));
     if let Some(cut) = camera.cut_pixels() {
         image.pixels.zip_mut_with(&cut, |pixel, share| *pixel = if share.is_nan() { *pixel } else { f32::NAN });
         // Light that arrives at a cut pixel spreads to others. A measured flat field knows how much it is.
@@ -156,7 +154,8 @@ fn read_frame(
             flat.get_or_insert_with(|| cut.mapv_into(|share| if share.is_nan() { 1.0 } else { share }));
         }
     }
-    let flat = flat.filter(|_| is_signed);
+    // The light of a blind pixel spreads to others.
+    let flat = flat.filter(|_| is_signed).map(|flat| flat.mapv_into(f32::abs));
     Ok(Frame {
         pixels: image.pixels.into_shared(),
         flat,

@@ -30,6 +30,11 @@ pub fn windows_mm(options: &Options, part: &Grid) -> ([f64; 3], [f64; 3]) {
     (mm(options.passes.first()), mm(options.passes.last()))
 }
 
+/// The longest side of a window over its shortest.
+pub fn times_as_long(sides_mm: [f64; 3]) -> f64 {
+    sides_mm.into_iter().fold(0.0, f64::max) / sides_mm.into_iter().fold(f64::MAX, f64::min)
+}
+
 /// A length with five digits, which is enough to give the same number of voxels again.
 fn rounded(mm: f64) -> f64 {
     format!("{mm:.4e}").parse().expect("a number that was printed")
@@ -40,14 +45,13 @@ pub fn chosen_windows(seeding: &Seeding, options: &Options) -> String {
     let last = options.passes.last().expect("a plan has a pass");
     let (_, sides_mm) = windows_mm(options, &seeding.part);
     let [x, y, z] = sides_mm;
-    let [low, high] = [x.min(y).min(z), x.max(y).max(z)];
+    let (low, times) = (x.min(y).min(z), times_as_long(sides_mm));
     // A sheet thinner than a cube allows no better.
     let is_cut = (0..3).any(|axis| sides_mm[axis] == low && last.window[axis] == seeding.part.shape[axis]);
-    let why = match high > 2.0 * low && !is_cut {
+    let why = match times > 2.0 && !is_cut {
         true => format!(
-            "; they are {:.1} times as long one way as another, because a window has 8 voxels or more and is twice as long \
-             as a particle: finer voxels (lf-prune --pvr) allow cubes",
-            high / low
+            "; they are {times:.1} times as long one way as another, because a window has 8 voxels or more and is twice as \
+             long as a particle: finer voxels (lf-prune --pvr) allow cubes"
         ),
         false => String::new(),
     };

@@ -1,6 +1,6 @@
 //! Warnings about a run: each names a cause, a figure and a remedy in one line.
 
-use super::report::windows_mm;
+use super::report::{times_as_long, windows_mm};
 use lf_core::field::{NO_DATA, REPLACED};
 use lf_core::{Grid, JoinedVolume};
 use lf_xcorr::{Options, Outcome, PassReport, WANTED_PARTICLES, near_cube, sides_mm, triple};
@@ -126,11 +126,9 @@ impl Finished<'_> {
     fn far_from_cubes(&self) -> Option<String> {
         let window = self.last().window;
         let nearest = sides_mm(self.part, near_cube(self.part, self.window_mm3()));
-        let ratio =
-            |sides: [f64; 3]| sides.into_iter().fold(0.0, f64::max) / sides.into_iter().fold(f64::MAX, f64::min);
-        let found = ratio(sides_mm(self.part, window));
+        let found = times_as_long(sides_mm(self.part, window));
         // A volume that is thinner than a cube allows no better.
-        (found > FAR_FROM_CUBE.max(1.5 * ratio(nearest))).then(|| {
+        (found > FAR_FROM_CUBE.max(1.5 * times_as_long(nearest))).then(|| {
             format!(
                 "windows of {} are {found:.1} times as long one way as another, so they resolve the flow unevenly; {} \
                  is a cube of the same volume",
