@@ -14,7 +14,7 @@ use crate::cameras::view::{BEYOND_PX, CameraView, Cameras, depths_mm};
 use crate::model::buffers::FitBuffers;
 use crate::model::window::Window;
 use crate::particle::{FoundParticle, Particle};
-use crate::search::changes::{Criteria, LEAST_LIGHT};
+use crate::search::changes::Criteria;
 use crate::search::particles::{Members, Particles};
 use crate::search::tile_fit::{Changed, TileFit};
 use crate::search::tiles::Tile;
@@ -445,8 +445,8 @@ impl<'a, 'o> Stages<'a, 'o> {
             if self.particles.size_spread.is_some() {
                 self.fit_sizes()?;
             }
-            // Particles that were missing may have kept the first fit of the shape from its end.
-            if round == 0 && !self.is_settled {
+            // Particles that were missing may have kept the first fit of the shape from its end, or misled it.
+            if is_fruitful || round == 0 && !self.is_settled {
                 self.fit_shape()?;
             }
             let residual = self.particles.cameras.residual();
@@ -733,6 +733,7 @@ impl<'a, 'o> Stages<'a, 'o> {
             gain: GAIN * self.particles.cameras.misfit().max(1.0),
             usual_light: self.particles.usual_light(),
             lenslet_px: first.camera.pitch_px(),
+            is_model_error: self.particles.cameras.residual().is_model_error(),
             near_mm: first.near_focus_mm(),
             prior: self.prior,
         }
@@ -817,7 +818,7 @@ impl<'a, 'o> Stages<'a, 'o> {
         let excess = residual.excess() * if misfit > EXPLAINED { misfit } else { 1.0 };
         let evidence = self.evidence(excess)?;
         let (particles, pulls) = self.particles.uncertainties(self.prior);
-        let least_light = LEAST_LIGHT * self.particles.usual_light();
+        let least_light = self.criteria().least_light() * self.particles.usual_light();
         let is_sure = |FoundParticle { particle, light_std, .. }: &FoundParticle| {
             *light_std < UNSURE * particle.light && particle.light > least_light
         };

@@ -621,7 +621,8 @@ fn found_on_a_support(keys: &[&str]) -> (Workbench, String) {
     let noise = "sensor_noise={\"photon_noise\": true, \"read_noise_electrons\": 3}";
     let bench = bench(&[keys, &[blur, noise, "truth=null", "frames=1", "particles.rays=100000"]].concat());
     bench.folder_run("lf-prune scene/frame-0000.exr -c scene/camera.json --pvr 4,4,r --depth -5,5 -o support.lfv");
-    let said = bench.done("support.lfv -i scene/frame-0000.exr -c scene/camera.json --particles found.csv").stderr;
+    let call = "support.lfv -i scene/frame-0000.exr -c scene/camera.json --particles found.csv --stats stats.json";
+    let said = bench.done(call).stderr;
     (bench, said)
 }
 
@@ -632,6 +633,20 @@ fn faint_particles_beside_bright_ones_are_found() {
     let (truth, found) = (table(&bench, "scene/particles.csv"), table(&bench, "found.csv"));
     let count = matched(&truth, &found).len();
     assert!(count + 2 >= truth.len() && found.len() <= truth.len() + 2, "{count} of {}", truth.len());
+}
+
+/// Scar: at the edges of a Gaussian sheet particles are dim. A third was missing, and the blur that was fitted without
+/// them, 0.319 px, hid them from later looks.
+#[test]
+fn dim_particles_at_the_edges_of_a_sheet_are_found() {
+    let sheet = "light={\"profile\": \"gaussian\", \"centre_mm\": 0, \"thickness_mm\": 6}";
+    let lattice = "camera.microlenses.layout=\"hexagonal\"";
+    let (bench, _) = found_on_a_support(&[sheet, lattice, "particles.intensity_spread=0.6", "particles.per_lenslet=1"]);
+    let (truth, found) = (table(&bench, "scene/particles.csv"), table(&bench, "found.csv"));
+    let count = matched(&truth, &found).len();
+    assert!(100 * count > 78 * truth.len() && found.len() < count + 10, "{count} of {}, {}", truth.len(), found.len());
+    let blur = bench.json("stats.json")["counts"]["blur_px"].as_f64().unwrap();
+    assert!((blur - 0.3).abs() < 0.01, "{blur}");
 }
 
 /// Scar: clipped pixels were taken as they are. With a pixel in fifty clipped there were 66 particles for 54, x was off

@@ -18,6 +18,8 @@ pub(crate) struct Criteria {
     pub(crate) usual_light: f64,
     /// Pixels of the focal plane in a lenslet.
     pub(crate) lenslet_px: f64,
+    /// Whether the model does not explain the images.
+    pub(crate) is_model_error: bool,
     /// Depth from focus within which places have several minima, mm.
     pub(crate) near_mm: f64,
     pub(crate) prior: Prior,
@@ -51,16 +53,16 @@ const HEIR: f64 = 150.0;
 const DEPTH_WEIGHT: f64 = 0.1;
 /// Two particles within these pixels, sideways and in depth, are usually one that the model draws badly: with one
 /// particle a lenslet, two in a thousand lie so near to each other. The fainter one is dropped if the image of one
-/// particle differs from theirs by less than the share ALIKE. A faint particle is dropped if -2 log L rises by less
-/// than SPARE times the gain that a new one needs.
+/// particle differs from theirs by less than the share ALIKE.
 const TWIN: [f64; 2] = [1.5, 60.0];
 const ALIKE: f64 = 0.3;
-const SPARE: f64 = 10.0;
-/// Light of a faint particle, the least of one that is new or in the result, and the largest light at which one begins,
-/// over the usual. Light of particles beyond the frame's rim looks like particles of a thirtieth of the usual light.
+/// Light of a faint particle over the usual, and the largest light at which a new one begins.
 const FAINT: f64 = 0.2;
-pub(crate) const LEAST_LIGHT: f64 = 0.05;
 const BRIGHTEST_NEW: f64 = 3.0;
+/// The least light of a particle over the usual, and what a faint one needs over the gain that others need: where the
+/// model explains the images, and where it does not. There, the errors of bright particles look like faint ones.
+const LEAST_LIGHT: [f64; 2] = [0.01, 0.05];
+const SPARE: [f64; 2] = [2.0, 10.0];
 /// Smallest distance sideways between candidates that are tried, pixels of the focal plane.
 const APART: f64 = 6.0;
 /// Steps of a scan near focus, sideways and in depth, pixels of the focal plane.
@@ -100,10 +102,15 @@ impl Criteria {
     /// Smallest fall of -2 log L for a particle with this light over the usual.
     fn gain_of(&self, light: f64) -> f64 {
         match light {
-            ..LEAST_LIGHT => f64::INFINITY,
-            ..FAINT => SPARE * self.gain,
+            light if light < self.least_light() => f64::INFINITY,
+            ..FAINT => SPARE[usize::from(self.is_model_error)] * self.gain,
             _ => self.gain,
         }
+    }
+
+    /// The least light of a particle that is new or in the result, over the usual.
+    pub(crate) fn least_light(&self) -> f64 {
+        LEAST_LIGHT[usize::from(self.is_model_error)]
     }
 }
 
