@@ -110,7 +110,9 @@ fn clipping(file: &Path, pixels: &Array2<f32>, camera: &Camera, channel: Option<
 /// Warnings about the camera found, and the mistake that explains them if one is found.
 fn warnings_of(found: &MainLensFit, exposures: &[Exposure], nominal: &Camera) -> Vec<String> {
     let mut warnings = fit_warnings(found, nominal);
-    let mistake = (!warnings.is_empty()).then(|| setup_mistake(exposures, nominal)).flatten();
+    // A camera near its data sheets needs no other setup.
+    let is_wrong = warnings.len() > usize::from(found.doubt.is_some());
+    let mistake = is_wrong.then(|| setup_mistake(exposures, nominal)).flatten();
     warnings.extend(mistake.map(|mistake| format!("the target: {}; {}", mistake.found, mistake.wanted)));
     warnings.extend(closer_dots_mm(exposures, &found.used, &found.camera).map(|[seen, stated]| {
         format!(

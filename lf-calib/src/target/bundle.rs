@@ -41,8 +41,8 @@ pub(crate) struct Bundle<'a> {
     pub nominal: &'a Camera,
     pub sightings: &'a [DotSighting],
     pub dots: usize,
-    /// Whether the lengths of the data sheets count beside the sub-images.
-    pub has_prior: bool,
+    /// How much the lengths of the data sheets count beside the sub-images; 0 for not at all.
+    pub sheet_weight: f64,
 }
 
 pub(crate) struct BundleFit {
@@ -95,8 +95,8 @@ impl Bundle<'_> {
     /// Normal equations at given changes. They include the data sheets if these count.
     pub fn equations(&self, changes: &Changes, parameters: &[Parameter]) -> NormalEquations {
         let equations = NormalEquations::new(parameters, &self.observations(changes, parameters));
-        let known = |parameter: Parameter| Some((-changes.get(parameter), parameter.sheet_std(self.nominal)?));
-        if self.has_prior { equations.with_prior(known) } else { equations }
+        let std = |parameter: Parameter| Some(parameter.sheet_std(self.nominal)? / self.sheet_weight.sqrt());
+        equations.with_prior(|parameter| Some((-changes.get(parameter), std(parameter)?)))
     }
 
     /// Median distance of the sub-images from their predictions, in their uncertainties, as a standard deviation.

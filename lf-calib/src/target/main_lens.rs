@@ -30,9 +30,12 @@ pub(super) const LARGEST_RMS_PX: f64 = 0.3;
 /// Smallest share of the sub-images that must follow the fit.
 pub(super) const LEAST_FOLLOWING: f64 = 0.5;
 
-/// A camera explains the dots as well if its residual is larger by at most this factor. A model errs behind a thick
-/// lens, and a camera far from the truth makes up for a part of that.
-const AS_WELL: f64 = 1.02;
+/// Weights of the data sheets beside the dots, tried until no length comes out far from them. The error of the model
+/// behind a thick lens is the same for thousands of sub-images, which count as if each had an error of its own.
+const SHEET_WEIGHTS: [f64; 2] = [1.0, 10.0];
+/// A camera near its data sheets explains the dots as well if its residual is larger by at most this factor. A camera
+/// far from the truth makes up for a part of what the model lacks.
+const AS_WELL: f64 = 1.1;
 
 /// Always free: the pose of the target (the first six) and the magnification.
 pub(super) const ALWAYS: [P; 7] =
@@ -60,7 +63,7 @@ pub fn main_lens(
     let (sightings, start) = search.first_detections(&usable)?;
     let (found, doubt) = search.two_ways(&sightings, &groups, &start).ok_or_else(unsolved)?;
     let FoundCamera { readings, sightings, fit, results } = found;
-    let bundle = search.bundle(&sightings, false);
+    let bundle = search.bundle(&sightings, 0.0);
     let misfit = fit.misfit;
     if !follows(&misfit) {
         let found =
@@ -142,8 +145,8 @@ struct TargetSearch<'a> {
 }
 
 impl TargetSearch<'_> {
-    fn bundle<'a>(&'a self, sightings: &'a [DotSighting], has_prior: bool) -> Bundle<'a> {
-        Bundle { nominal: self.nominal, sightings, dots: self.ids.len(), has_prior }
+    fn bundle<'a>(&'a self, sightings: &'a [DotSighting], sheet_weight: f64) -> Bundle<'a> {
+        Bundle { nominal: self.nominal, sightings, dots: self.ids.len(), sheet_weight }
     }
 
     /// Finds the target in every usable image. Returns the dots seen, and the start of the fit.
@@ -187,7 +190,7 @@ impl TargetSearch<'_> {
         groups: &[ParameterGroup],
         start: &Changes,
     ) -> Option<(FoundCamera, Option<String>)> {
-        let alone = self.found(sightings, groups, start, false);
+        let alone = self.found(sightings, groups, start, 0.0);
         let doubt = |found: &FoundCamera| match far_lengths(&found.fit.changes.camera(self.nominal), self.nominal) {
             far if far.is_empty() => (!follows(&found.fit.misfit)).then(|| "the dots follow no camera".to_owned()),
             far => Some(far.join(", ")),
@@ -202,7 +205,8 @@ impl TargetSearch<'_> {
         let Some(in_doubt) = alone.as_ref().map_or(Some(none.to_owned()), doubt) else {
             return alone.map(|alone| (alone, None));
         };
-        let held = self.found(sightings, groups, start, true).filter(|held| doubt(held).is_none());
+        let by_sheets = |weight: &f64| self.found(sightings, groups, start, *weight);
+        let held = SHEET_WEIGHTS.iter().find_map(|weight| by_sheets(weight).filter(|held| doubt(held).is_none()));
         let as_well = |held: &FoundCamera| {
             let Some(alone) = alone.as_ref().filter(|alone| follows(&alone.fit.misfit)) else { return true };
             // Each by the sub-images as it reads them.
@@ -221,15 +225,16 @@ impl TargetSearch<'_> {
         sightings: &[DotSighting],
         groups: &[ParameterGroup],
         start: &Changes,
-        has_prior: bool,
+        sheet_weight: f64,
     ) -> Option<FoundCamera> {
-        let is_known = |group: &ParameterGroup| has_prior && group.parameters[0].sheet_std(self.nominal).is_some();
+        let is_known =
+            |group: &ParameterGroup| sheet_weight > 0.0 && group.parameters[0].sheet_std(self.nominal).is_some();
         let (known, groups): (Vec<_>, Vec<_>) = groups.iter().copied().partition(is_known);
         let always: Vec<P> = ALWAYS.iter().chain(known.iter().flat_map(|group| group.parameters)).copied().collect();
-        let first = Self::first_fit(&self.bundle(&thinned(sightings), has_prior), &always, &groups, start)?;
-        let (readings, changes) = self.detect_again(&first, has_prior)?;
+        let first = Self::first_fit(&self.bundle(&thinned(sightings), sheet_weight), &always, &groups, start)?;
+        let (readings, changes) = self.detect_again(&first, sheet_weight)?;
         let sightings = thinned(&readings.concat());
-        let (fit, results) = select(&self.bundle(&sightings, has_prior), &always, &groups, &changes)?;
+        let (fit, results) = select(&self.bundle(&sightings, sheet_weight), &always, &groups, &changes)?;
         Some(FoundCamera { readings, sightings, fit, results })
     }
 
@@ -242,7 +247,7 @@ impl TargetSearch<'_> {
 
     /// Reads the sub-images where the fitted camera predicts them, and fits again, [`READINGS`] times. Images too near
     /// to focus before take part: some of their lenslets may be lit as a whole. Returns the last reading of each image.
-    fn detect_again(&self, first: &BundleFit, has_prior: bool) -> Option<(Vec<Vec<DotSighting>>, Changes)> {
+    fn detect_again(&self, first: &BundleFit, sheet_weight: f64) -> Option<(Vec<Vec<DotSighting>>, Changes)> {
         let mut changes = first.changes;
         let mut readings = Vec::new();
         for _ in 0..READINGS {
@@ -250,7 +255,7 @@ impl TargetSearch<'_> {
             let read = |n| {
                 let seen = detect_again(self.image(n, &optics), &pose);
                 // The progress counts the readings of the first way only.
-                if !has_prior {
+                if sheet_weight == 0.0 {
                     (self.watch)(1);
                 }
                 seen
@@ -260,7 +265,7 @@ impl TargetSearch<'_> {
             let size_mm = readings.iter().flatten().map(|sighting| sighting.size_mm).fold(f64::INFINITY, f64::min);
             readings.par_iter_mut().flatten().for_each(|sighting| sighting.make_points(&optics, &pose, size_mm));
             let sightings = thinned(&readings.concat());
-            changes = self.bundle(&sightings, has_prior).fit(&first.parameters, &changes)?.changes;
+            changes = self.bundle(&sightings, sheet_weight).fit(&first.parameters, &changes)?.changes;
         }
         Some((readings, changes))
     }

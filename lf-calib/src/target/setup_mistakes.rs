@@ -134,7 +134,7 @@ fn fit(exposures: &[Exposure], nominal: &Camera, optics: &Optics) -> Option<f64>
     let images = exposures.iter().enumerate();
     let images = images.map(|(number, exposure)| TargetImage { exposure, number, ids: &ids, optics, nominal });
     let (sightings, start) = first_detections(images, view, || ()).ok()?;
-    let bundle = Bundle { nominal, sightings: &sightings, dots: ids.len(), has_prior: false };
+    let bundle = Bundle { nominal, sightings: &sightings, dots: ids.len(), sheet_weight: 0.0 };
     let misfit = bundle.fit(&ALWAYS, &start)?.misfit;
     // A regular grid at a wrong depth has some sub-images where another dot's should be: too few.
     let lit = |sighting: &DotSighting| PointView::new(optics, sighting.target_mm).lit_lenslets(SHARE, 0.0).len();

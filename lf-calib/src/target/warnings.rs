@@ -40,7 +40,8 @@ pub fn fit_warnings(found: &MainLensFit, nominal: &Camera) -> Vec<String> {
     let checks = "check the depths, the spacing of the dots, the liquid and the data sheets";
     if let Some(doubt) = &found.doubt {
         warnings.push(format!(
-            "by the images alone {doubt}; a camera near its data sheets, which is taken, shows the dots as well: {checks}"
+            "by the images alone {doubt}; a camera near its data sheets, which is taken, shows the dots as well: behind a thick \
+             lens, lengths trade for each other; otherwise {checks}"
         ));
     }
     for far in far_lengths(&found.camera, nominal) {
