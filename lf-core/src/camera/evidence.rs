@@ -94,6 +94,11 @@ impl Parameter {
         }
     }
 
+    /// Whether a step changes the width of lenslet images or how far they stand apart.
+    pub fn scales_images(&self) -> bool {
+        matches!(self.what, What::FNumber | What::Gap | What::Pitch | What::Departure(_, 0 | 1))
+    }
+
     /// Whether a camera can take a step, px: a blur does not fall below 0.
     pub fn allows(&self, camera: &Camera, step_px: f64) -> bool {
         self.what != What::Blur || camera.blur.map_or(0.0, |blur| blur.sigma_px) + step_px >= 0.0

@@ -5,7 +5,7 @@
 //! sideways for the other: matched particles begin where both agree.
 
 use crate::cameras::input::CameraInput;
-use crate::cameras::lens::LENSES;
+use crate::cameras::lens::correctable;
 use crate::cameras::matching;
 use crate::cameras::noise::{KnownNoise, Noise};
 use crate::cameras::residual::Residual;
@@ -351,9 +351,6 @@ impl<'a, 'o> Stages<'a, 'o> {
         let first = particles.cameras.first();
         let (pitch_px, [low, high]) = (first.camera.pitch_px(), first.depth_mm);
         let prior = Prior([pitch_px, pitch_px, (high - low) / first.pixel_mm, 1.0]);
-        // Beside a rim that cuts the stop light is right to 1 % only, which looks like another f-number and pitch: 31
-        // of 63 particles were then found within 1.5 px, and 63 with the camera as given.
-        let camera_may_move = options.free.camera && !first.camera.has_cut_stop();
         // Blades hide the rim that shows where the lattice is. Without it x was .1 to .3 px off, and .02 with the drift
         // held.
         let drift_is_free = options.free.drift && first.camera.blades.is_none();
@@ -361,7 +358,7 @@ impl<'a, 'o> Stages<'a, 'o> {
             particles,
             camera,
             options,
-            free: Free { camera: camera_may_move, drift: drift_is_free, ..options.free },
+            free: Free { drift: drift_is_free, ..options.free },
             schedule,
             on_step,
             prior,
@@ -683,7 +680,7 @@ impl<'a, 'o> Stages<'a, 'o> {
     fn correct_camera(&mut self) -> Result<bool, Refusal> {
         let given = self.free.lens;
         while self.free.camera && self.is_alone() {
-            let all = Free { lens: [true; LENSES], ..self.free };
+            let all = Free { lens: correctable(self.particles.cameras.first().camera), ..self.free };
             let Some(sample) = self.sample(self.particles.cameras.first().shape, all)? else { break };
             let Some(likely) = sample.cause()?.filter(|k| !self.free.lens[*k]) else { break };
             let (before, free) = (self.particles.clone(), self.free);
@@ -846,7 +843,8 @@ impl<'a, 'o> Stages<'a, 'o> {
         if !self.options.evidence || !self.is_alone() {
             return Ok(None);
         }
-        let free = Free { lens: [self.free.camera; LENSES], ..self.free };
+        let correctable = correctable(self.particles.cameras.first().camera);
+        let free = Free { lens: correctable.map(|may_move| may_move && self.free.camera), ..self.free };
         let Some(sample) = self.sample(self.particles.cameras.first().shape, free)? else { return Ok(None) };
         Ok(Some(Evidence { chi2: self.particles.cameras.misfit(), ..sample.evidence(excess)? }))
     }

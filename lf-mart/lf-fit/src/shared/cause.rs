@@ -18,8 +18,7 @@ const EVERY: usize = 4;
 const DAMPING: f64 = 1e-3;
 
 impl Sample<'_> {
-    /// The number of the camera's parameter that explains most beside the shape; None if none explains enough. The
-    /// sample has slopes by all of them.
+    /// The number of the camera's free parameter that explains most beside the shape; None if none explains enough.
     pub(crate) fn cause(&self) -> Result<Option<usize>, Refusal> {
         let mut buffers = FitBuffers::default();
         let state = self.state(&self.cameras, EVERY, &mut buffers)?;
@@ -32,7 +31,7 @@ impl Sample<'_> {
         let camera = self.cameras.first().camera;
         let every = |k: usize| if lens(k).shift_px(camera, DVec2::ZERO).is_some() { 1.0 } else { EVERY as f64 };
         let (_, without) = foreseen(None);
-        let causes = (0..LENSES).filter_map(|k| {
+        let causes = (0..LENSES).filter(|k| self.free.lens[*k]).filter_map(|k| {
             let (step, fall) = foreseen(Some(k));
             let share = every(k) * (fall - without) / found.squares;
             let is_worth = share > LEAST_SHARE && (lens_px[k] + step[ANALYTIC + k]).abs() > LEAST_PX;
