@@ -43,7 +43,7 @@ fn report(found: &Refined, frames: &[Evidence], session: &mut Session) {
         one.doubt().into_iter().for_each(|doubt| session.warn(doubt));
     }
     if found.corrected.is_empty() {
-        session.say("the particles show no error of the camera");
+        session.say("the particles show no error of the camera that refine knows");
     }
     for (n, one) in found.corrected.iter().enumerate() {
         for (other, correlation) in found.corrected.iter().zip(&found.correlations[n]).take(n) {
@@ -63,9 +63,13 @@ fn report(found: &Refined, frames: &[Evidence], session: &mut Session) {
     }
     let worst = frames.iter().max_by(|a, b| a.chi2.total_cmp(&b.chi2)).filter(|frame| frame.chi2 > EXPLAINED);
     if let Some(frame) = worst {
+        let what = if found.corrected.is_empty() {
+            "check the background, the blur and what the data sheets say of the camera"
+        } else {
+            "fit again with the refined camera and refine that"
+        };
         session.warn(format!(
-            "noise does not explain frame {}: chi2 is {:.2}, up to {EXPLAINED} is good; fit again with the refined camera \
-             and refine that",
+            "noise does not explain frame {}: chi2 is {:.2}, up to {EXPLAINED} is good; {what}",
             frame.frame, frame.chi2
         ));
     }
