@@ -219,7 +219,7 @@ impl TargetSearch<'_> {
         }
     }
 
-    /// Finds the camera from the first reading. With a prior, the parameters that data sheets give are always free.
+    /// Finds the camera from the first reading. Where data sheets count, the parameters that they give are always free.
     fn found(
         &self,
         sightings: &[DotSighting],

@@ -14,7 +14,7 @@ use crate::cameras::view::{BEYOND_PX, CameraView, Cameras, depths_mm};
 use crate::model::buffers::FitBuffers;
 use crate::model::window::Window;
 use crate::particle::{FoundParticle, Particle};
-use crate::search::changes::Criteria;
+use crate::search::changes::{Criteria, least_light};
 use crate::search::particles::{Members, Particles};
 use crate::search::tile_fit::{Changed, TileFit};
 use crate::search::tiles::Tile;
@@ -644,6 +644,12 @@ impl<'a, 'o> Stages<'a, 'o> {
         Sample::new(cameras, shape, (list, *reach_px), free)
     }
 
+    /// All that is free, with every parameter of the first camera that may be corrected.
+    fn all_free(&self) -> Free {
+        let lens = correctable(self.particles.cameras.first().camera).map(|may_move| may_move && self.free.camera);
+        Free { lens, ..self.free }
+    }
+
     /// Fits the shape of the first camera.
     fn fit_shape(&mut self) -> Result<(), Refusal> {
         self.fit_shape_to(0.0)
@@ -680,8 +686,7 @@ impl<'a, 'o> Stages<'a, 'o> {
     fn correct_camera(&mut self) -> Result<bool, Refusal> {
         let given = self.free.lens;
         while self.free.camera && self.is_alone() {
-            let all = Free { lens: correctable(self.particles.cameras.first().camera), ..self.free };
-            let Some(sample) = self.sample(self.particles.cameras.first().shape, all)? else { break };
+            let Some(sample) = self.sample(self.particles.cameras.first().shape, self.all_free())? else { break };
             let Some(likely) = sample.cause()?.filter(|k| !self.free.lens[*k]) else { break };
             let (before, free) = (self.particles.clone(), self.free);
             self.free.lens[likely] = true;
@@ -730,7 +735,7 @@ impl<'a, 'o> Stages<'a, 'o> {
             gain: GAIN * self.particles.cameras.misfit().max(1.0),
             usual_light: self.particles.usual_light(),
             lenslet_px: first.camera.pitch_px(),
-            is_model_error: self.particles.cameras.residual().is_model_error(),
+            residual: self.particles.cameras.residual(),
             near_mm: first.near_focus_mm(),
             prior: self.prior,
         }
@@ -785,7 +790,7 @@ impl<'a, 'o> Stages<'a, 'o> {
     /// One camera: scans near focus and drops what that makes spare. Several: drops pairs, and fits all again.
     fn last_change(&mut self) {
         let mut criteria = self.criteria();
-        criteria.gain *= self.particles.cameras.residual().excess();
+        criteria.gain *= criteria.residual.excess();
         let (rounds, scans) = (self.options.rounds, self.schedule.scans);
         self.particles.wake_where(|_| true);
         let changes = self.change(|tile| {
@@ -815,7 +820,7 @@ impl<'a, 'o> Stages<'a, 'o> {
         let excess = residual.excess() * if misfit > EXPLAINED { misfit } else { 1.0 };
         let evidence = self.evidence(excess)?;
         let (particles, pulls) = self.particles.uncertainties(self.prior);
-        let least_light = self.criteria().least_light() * self.particles.usual_light();
+        let least_light = least_light(&residual) * self.particles.usual_light();
         let is_sure = |FoundParticle { particle, light_std, .. }: &FoundParticle| {
             *light_std < UNSURE * particle.light && particle.light > least_light
         };
@@ -843,9 +848,7 @@ impl<'a, 'o> Stages<'a, 'o> {
         if !self.options.evidence || !self.is_alone() {
             return Ok(None);
         }
-        let correctable = correctable(self.particles.cameras.first().camera);
-        let free = Free { lens: correctable.map(|may_move| may_move && self.free.camera), ..self.free };
-        let Some(sample) = self.sample(self.particles.cameras.first().shape, free)? else { return Ok(None) };
+        let Some(sample) = self.sample(self.particles.cameras.first().shape, self.all_free())? else { return Ok(None) };
         Ok(Some(Evidence { chi2: self.particles.cameras.misfit(), ..sample.evidence(excess)? }))
     }
 }

@@ -2,6 +2,7 @@
 //! fit of the particles within a lenslet, and kept if -2 log L falls by enough.
 
 use super::tile_fit::{Equations, Member, TileFit};
+use crate::cameras::residual::Residual;
 use crate::cameras::view::Cameras;
 use crate::model::particle_image::{COUNTS, ParticleImage};
 use crate::model::window::Window;
@@ -18,8 +19,8 @@ pub(crate) struct Criteria {
     pub(crate) usual_light: f64,
     /// Pixels of the focal plane in a lenslet.
     pub(crate) lenslet_px: f64,
-    /// Whether the model does not explain the images.
-    pub(crate) is_model_error: bool,
+    /// The correlation of the images' differences.
+    pub(crate) residual: Residual,
     /// Depth from focus within which places have several minima, mm.
     pub(crate) near_mm: f64,
     pub(crate) prior: Prior,
@@ -98,19 +99,19 @@ fn along_residual(cameras: &Cameras, window: &Window, image: &ParticleImage) -> 
     [along, square]
 }
 
+/// The least light of a particle that is new or in the result, over the usual.
+pub(crate) fn least_light(residual: &Residual) -> f64 {
+    LEAST_LIGHT[usize::from(residual.is_model_error())]
+}
+
 impl Criteria {
     /// Smallest fall of -2 log L for a particle with this light over the usual.
     fn gain_of(&self, light: f64) -> f64 {
         match light {
-            light if light < self.least_light() => f64::INFINITY,
-            ..FAINT => SPARE[usize::from(self.is_model_error)] * self.gain,
+            light if light < least_light(&self.residual) => f64::INFINITY,
+            ..FAINT => SPARE[usize::from(self.residual.is_model_error())] * self.gain,
             _ => self.gain,
         }
-    }
-
-    /// The least light of a particle that is new or in the result, over the usual.
-    pub(crate) fn least_light(&self) -> f64 {
-        LEAST_LIGHT[usize::from(self.is_model_error)]
     }
 }
 
