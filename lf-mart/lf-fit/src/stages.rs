@@ -14,7 +14,7 @@ use crate::cameras::view::{BEYOND_PX, CameraView, Cameras, depths_mm};
 use crate::model::buffers::FitBuffers;
 use crate::model::window::Window;
 use crate::particle::{FoundParticle, Particle};
-use crate::search::changes::{Criteria, least_light};
+use crate::search::changes::{Criteria, Faint};
 use crate::search::particles::{Members, Particles};
 use crate::search::tile_fit::{Changed, TileFit};
 use crate::search::tiles::Tile;
@@ -735,7 +735,7 @@ impl<'a, 'o> Stages<'a, 'o> {
             gain: GAIN * self.particles.cameras.misfit().max(1.0),
             usual_light: self.particles.usual_light(),
             lenslet_px: first.camera.pitch_px(),
-            residual: self.particles.cameras.residual(),
+            faint: Faint::of(&self.particles.cameras, &self.particles.cameras.residual()),
             near_mm: first.near_focus_mm(),
             prior: self.prior,
         }
@@ -790,7 +790,7 @@ impl<'a, 'o> Stages<'a, 'o> {
     /// One camera: scans near focus and drops what that makes spare. Several: drops pairs, and fits all again.
     fn last_change(&mut self) {
         let mut criteria = self.criteria();
-        criteria.gain *= criteria.residual.excess();
+        criteria.gain *= self.particles.cameras.residual().excess();
         let (rounds, scans) = (self.options.rounds, self.schedule.scans);
         self.particles.wake_where(|_| true);
         let changes = self.change(|tile| {
@@ -820,7 +820,7 @@ impl<'a, 'o> Stages<'a, 'o> {
         let excess = residual.excess() * if misfit > EXPLAINED { misfit } else { 1.0 };
         let evidence = self.evidence(excess)?;
         let (particles, pulls) = self.particles.uncertainties(self.prior);
-        let least_light = least_light(&residual) * self.particles.usual_light();
+        let least_light = Faint::of(&self.particles.cameras, &residual).least_light * self.particles.usual_light();
         let is_sure = |FoundParticle { particle, light_std, .. }: &FoundParticle| {
             *light_std < UNSURE * particle.light && particle.light > least_light
         };

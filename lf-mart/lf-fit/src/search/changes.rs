@@ -19,8 +19,7 @@ pub(crate) struct Criteria {
     pub(crate) usual_light: f64,
     /// Pixels of the focal plane in a lenslet.
     pub(crate) lenslet_px: f64,
-    /// The correlation of the images' differences.
-    pub(crate) residual: Residual,
+    pub(crate) faint: Faint,
     /// Depth from focus within which places have several minima, mm.
     pub(crate) near_mm: f64,
     pub(crate) prior: Prior,
@@ -60,10 +59,6 @@ const ALIKE: f64 = 0.3;
 /// Light of a faint particle over the usual, and the largest light at which a new one begins.
 const FAINT: f64 = 0.2;
 const BRIGHTEST_NEW: f64 = 3.0;
-/// The least light of a particle over the usual, and what a faint one needs over the gain that others need: where the
-/// model explains the images, and where it does not. There, the errors of bright particles look like faint ones.
-const LEAST_LIGHT: [f64; 2] = [0.01, 0.05];
-const SPARE: [f64; 2] = [2.0, 10.0];
 /// Smallest distance sideways between candidates that are tried, pixels of the focal plane.
 const APART: f64 = 6.0;
 /// Steps of a scan near focus, sideways and in depth, pixels of the focal plane.
@@ -99,17 +94,33 @@ fn along_residual(cameras: &Cameras, window: &Window, image: &ParticleImage) -> 
     [along, square]
 }
 
-/// The least light of a particle that is new or in the result, over the usual.
-pub(crate) fn least_light(residual: &Residual) -> f64 {
-    LEAST_LIGHT[usize::from(residual.is_model_error())]
+/// Limits of faint particles.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Faint {
+    /// The light below which none is taken, over the usual.
+    pub(crate) least_light: f64,
+    /// Their gain over that of others.
+    spare: f64,
+}
+
+impl Faint {
+    /// The errors of bright particles look like faint ones where the model does not explain the images, and beside
+    /// Fresnel's patterns: the model errs where the stop cuts them.
+    pub(crate) fn of(cameras: &Cameras, residual: &Residual) -> Self {
+        if residual.is_model_error() || cameras.first().model.follows_waves() {
+            Self { least_light: 0.05, spare: 10.0 }
+        } else {
+            Self { least_light: 0.01, spare: 2.0 }
+        }
+    }
 }
 
 impl Criteria {
     /// Smallest fall of -2 log L for a particle with this light over the usual.
     fn gain_of(&self, light: f64) -> f64 {
         match light {
-            light if light < least_light(&self.residual) => f64::INFINITY,
-            ..FAINT => SPARE[usize::from(self.residual.is_model_error())] * self.gain,
+            light if light < self.faint.least_light => f64::INFINITY,
+            ..FAINT => self.faint.spare * self.gain,
             _ => self.gain,
         }
     }
