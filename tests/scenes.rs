@@ -69,6 +69,16 @@ fn everything_at_once_has_the_same_bytes_for_any_number_of_threads() {
     }
 }
 
+#[test]
+fn coherent_light_has_the_same_bytes_for_any_number_of_threads() {
+    let few = ["coherent_light=true", "particles.per_lenslet=null", "particles.count=5", "truth=null"];
+    let text = scene("tank", &[&EVERYTHING[..EVERYTHING.len() - 1], &few].concat());
+    let one = rendered("frames", &text, "1", &[]);
+    assert!(rendered("frames", &text, "3", &[]) == one);
+    let text = scene("tank", &[&EVERYTHING[..EVERYTHING.len() - 1], &few[1..]].concat());
+    assert!(rendered("frames", &text, "3", &[])["frame-0000.exr"] != one["frame-0000.exr"]);
+}
+
 /// `scene-used.json` renders the same frames again, from another folder.
 #[test]
 fn the_scene_as_used_renders_the_same_again() {
@@ -182,6 +192,7 @@ fn bad_scenes_are_refused_by_name() {
         ("core", "particles.intensity_spread=-1", "intensity_spread"),
         ("core", "light={\"profile\": \"top-hat\", \"thickness_mm\": 0}", "thickness_mm"),
         ("core", "diffraction.wavelength_mm=532", "wavelength_mm"),
+        ("core", "coherent_light=true", "wavelength"),
         ("core", "second_stop={\"distance_mm\": 500, \"diameter_mm\": 3}", "distance_mm"),
         ("core", "flow={\"kind\": \"swirl\"}", "swirl"),
         ("core", "flow={\"kind\": \"tracks\", \"path\": \"there.csv\"}", "tracks"),

@@ -2,7 +2,7 @@
 
 use glam::{DVec2, DVec3};
 use lf_core::Camera;
-use lf_core::camera::{Aperture, Medium};
+use lf_core::camera::{Aperture, Blur, Layout, Medium, Tilt};
 use lf_synth::particles::Particle;
 use lf_synth::rays::{self, Glow, Instrument, RayCount, Rendered, SecondStop, Shape, WhiteCells};
 use lf_synth::scene::ready;
@@ -169,6 +169,41 @@ fn images_match_the_interval_oracle() {
             worst = worst.max((f64::from(*light) / 1000.0 - across[column] * down[row]).abs() / peak);
         }
         assert!(worst < 0.03, "{worst} of the peak at {z} mm");
+    }
+}
+
+/// Coherent light goes where rays go: as much of it, about the same middle, and as much in the lenslets of the middle.
+#[test]
+fn coherent_light_keeps_the_light_of_rays() {
+    for (layout, stop, turn) in [(Layout::Square, Aperture::Square, 0.0), (Layout::Hexagonal, Aperture::Circle, 0.2)] {
+        let mut camera = camera(stop);
+        (camera.microlenses.layout, camera.microlenses.rotation_rad) = (layout, turn);
+        camera.tilt = Some(Tilt { x_rad: 2e-3, y_rad: -1e-3 });
+        camera.blur = Some(Blur { sigma_px: 0.3, wavelength_nm: Some(532.0), ..Blur::default() });
+        let glow = Glow { shape: Shape::Gaussian, size_mm: 0.004, rays: RayCount::Fixed(200_000) };
+        for z in [-2.5, 0.02, 3.0] {
+            let draw = |instrument: &Instrument| rays::frame(instrument, &[point([0.1, -0.07, z])], &glow, 1, |_| ());
+            let by_rays = draw(&Instrument::new(&camera, None, None));
+            let waves = draw(&Instrument::new(&camera, None, None).in_coherent_light(&camera, None));
+            let part = waves.arrived / by_rays.arrived;
+            assert!((part - 1.0).abs() < 0.02, "{layout:?} at {z} mm: {part} of the light");
+            let whole = |image: &Rendered| centroid(image, 0..camera.sensor.width, 0..camera.sensor.height);
+            let off = whole(&waves) - whole(&by_rays);
+            // Fringes take up to a fiftieth of the light to the next lenslet, 14 px away.
+            assert!(off.length() < 0.28, "{layout:?} at {z} mm: {off} px off");
+            let middle = whole(&by_rays).as_i64vec2();
+            let around = |image: &Rendered| -> f64 {
+                let side = |at: i64| at as usize - 20..at as usize + 20;
+                image
+                    .pixels
+                    .slice(ndarray::s![side(middle.y), side(middle.x)])
+                    .iter()
+                    .map(|light| f64::from(*light))
+                    .sum()
+            };
+            let part = around(&waves) / around(&by_rays);
+            assert!((part - 1.0).abs() < 0.03, "{layout:?} at {z} mm: {part} of the light of rays in the middle");
+        }
     }
 }
 

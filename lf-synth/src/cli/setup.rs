@@ -51,7 +51,12 @@ impl Setup {
     /// The camera with the scene's effects.
     pub fn instrument(&self) -> Instrument {
         let Scene { second_stop, diffraction, thick_lens, .. } = &self.scene;
-        Instrument::new(&self.camera, *second_stop, diffraction.as_ref()).with_lens(thick_lens.as_ref(), &self.camera)
+        let instrument = Instrument::new(&self.camera, *second_stop, diffraction.as_ref());
+        let instrument = instrument.with_lens(thick_lens.as_ref(), &self.camera);
+        match self.scene.coherent_light {
+            true => instrument.in_coherent_light(&self.camera, diffraction.as_ref()),
+            false => instrument,
+        }
     }
 
     /// Refuses work that takes more memory than allowed; see [`Session::allow_memory`].

@@ -205,7 +205,10 @@ impl HexagonPattern {
 
 /// Fourier transform, 1 in the middle, of a hexagon whose sides are 1 apart, two across the x axis: the sum over its
 /// sides of the flux that the divergence theorem gives.
-fn hexagon(frequency: DVec2) -> f64 {
+pub(super) fn hexagon(frequency: DVec2) -> f64 {
+    if frequency == DVec2::ZERO {
+        return 1.0;
+    }
     let of_sides = |across: DVec2| {
         let (off, along) = (across.dot(frequency), across.perp_dot(frequency));
         off * off * sinc(off) * sinc(along / 3f64.sqrt())

@@ -3,12 +3,14 @@
 //! Each step is a loop over a few hundred rays in flight. A step that the scene does not ask for is not run.
 
 use super::aberrations::Aberrations;
+use super::coherent::{CoherentLight, Rays};
 use super::diffraction::{Diffraction, Pattern};
 use super::samples::{Samples, Shape};
+use super::second_stop::SecondStop;
 use super::sources::{Glow, WhiteCells};
+use super::tally::{LEAST_SHARE, Tally};
 use super::thick_lens::{LensRay, ThickLens, TracedLens, WIDER};
 use super::waves::{Shown, Waves};
-use super::{second_stop::SecondStop, tally::Tally};
 use crate::{particles::Particle, random::stream};
 use glam::DVec2;
 use lf_core::{Camera, Optics, camera::Disc, frame::sensor_axes};
@@ -28,6 +30,8 @@ pub struct Instrument {
     blur: Option<Pattern>,
     /// Waves of particles, and their blur.
     waves: Option<(Waves, Option<Pattern>)>,
+    /// Particles are drawn in coherent light.
+    coherent: Option<CoherentLight>,
     /// Width and height of the sensor, px.
     pub(super) size: [usize; 2],
     pixel_pitch_mm: f64,
@@ -89,6 +93,7 @@ impl Instrument {
             aperture: camera.main_lens.aperture.into(),
             second_stop,
             thick_lens: None,
+            coherent: None,
             blur,
             size: [camera.sensor.width, camera.sensor.height],
             pixel_pitch_mm: camera.sensor.pixel_pitch_mm,
@@ -99,6 +104,60 @@ impl Instrument {
     /// The instrument with a lens by its surfaces, whose camera [`ThickLens::camera`] made.
     pub fn with_lens(self, lens: Option<&ThickLens>, camera: &Camera) -> Self {
         Self { thick_lens: lens.map(|lens| TracedLens::new(lens, camera)), ..self }
+    }
+
+    /// An instrument that draws the light of a particle as one wave in the stop and the lenslets.
+    pub fn in_coherent_light(self, camera: &Camera, diffraction: Option<&Diffraction>) -> Self {
+        let camera = &diffraction.map_or_else(|| camera.clone(), |diffraction| diffraction.of(camera));
+        Self { coherent: CoherentLight::new(camera), ..self }
+    }
+
+    /// Draws a particle in coherent light. Returns false, and draws nothing, where it is not asked for or not known.
+    fn draw_coherent(&self, glow: &Glow, particle: &Particle, tally: &mut Tally) -> bool {
+        let Some(coherent) = &self.coherent else { return false };
+        let (point, z_mm) = (particle.place_mm.truncate(), particle.place_mm.z);
+        let spread = if glow.shape == Shape::Gaussian { 1.0 } else { 0.5 };
+        let half_mm = self.optics.half_aperture_mm;
+        let rays = Rays {
+            ray: &|place: DVec2| match &self.thick_lens {
+                None => {
+                    let stop = half_mm * place;
+                    let hit = self.optics.array_from_object(point, z_mm, stop);
+                    Some((hit + self.aberration_mm(point, z_mm, stop), stop))
+                }
+                Some(lens) => {
+                    let pupil = lens.half_entrance_mm * place;
+                    let ray = lens.ray_from_object(sensor_axes(point), z_mm, pupil, false)?;
+                    Some((ray.array_mm, ray.aperture_mm))
+                }
+            },
+            passes: &|array: DVec2, stop: DVec2| {
+                let is_open = match (&self.thick_lens, self.aperture) {
+                    (Some(lens), _) => lens.lets_through(array, stop),
+                    (None, Shape::Disc) => stop.length() < half_mm,
+                    (None, _) => stop.abs().max_element() < half_mm,
+                };
+                is_open && self.passes_stops(array, stop)
+            },
+            pixel: &|centre: DVec2, array: DVec2, stop: DVec2| {
+                self.optics.place_px(self.optics.sensor_through(centre, array, stop))
+            },
+            half_mm,
+            filled: if self.aperture == Shape::Disc { std::f64::consts::FRAC_PI_4 } else { 1.0 },
+            sigma_mm: spread * glow.size_mm * particle.size * self.optics.beta(z_mm).abs(),
+        };
+        let lattice = self.optics.lattice();
+        let lenslets = |middle: DVec2, reach_mm: f64| {
+            lattice.lenslets_within(middle, DVec2::splat(reach_mm)).map(|(_, _, centre)| centre)
+        };
+        coherent.draw(&rays, lenslets, tally)
+    }
+
+    /// Whether a second stop and the blades let light through.
+    #[inline(always)]
+    fn passes_stops(&self, array: DVec2, aperture: DVec2) -> bool {
+        self.second_stop.is_none_or(|stop| stop.passes(&self.optics, array, aperture))
+            && self.blades.iter().all(|blade| blade.holds(aperture))
     }
 
     /// Half width of the area of the stop from which rays are drawn, mm, and the light of a ray over its share of the
@@ -145,6 +204,14 @@ impl Instrument {
         side(0) * side(1)
     }
 
+    /// Bytes of the wave of a particle.
+    pub(super) fn wave_bytes(&self, particle: &Particle, glow: &Glow) -> f64 {
+        let Some(coherent) = &self.coherent else { return 0.0 };
+        let [low, high] = self.bounds_px(particle, glow.size_mm * particle.size);
+        let wide_mm = (high[0] - low[0]).max(high[1] - low[1]) * self.pixel_pitch_mm;
+        coherent.bytes(wide_mm, self.optics.half_aperture_mm * self.optics.demagnification)
+    }
+
     /// Pixels of the tally of a row of white cells.
     pub(super) fn row_px(&self, cells: &WhiteCells) -> f64 {
         let [width, height] = self.size.map(|side| side as f64);
@@ -171,6 +238,10 @@ impl Instrument {
         let half_pupil = self.thick_lens.as_ref().map_or(self.optics.half_aperture_mm, |lens| lens.half_entrance_mm);
         let ((half, light), size) = (self.drawn_mm(half_pupil, waves), glow.size_mm * particle.size);
         let [low, high] = self.bounds_px(particle, size);
+        tally.clear(low, high, self.size, LEAST_SHARE * particle.intensity);
+        if self.draw_coherent(glow, particle, tally) {
+            return;
+        }
         tally.clear(low, high, self.size, light * particle.intensity / rays as f64);
         let mut flight = Flight::START;
         for first in (0..rays).step_by(FLIGHT) {
@@ -251,9 +322,7 @@ impl Instrument {
         if is_cut {
             for i in 0..n {
                 let (array, aperture) = (DVec2::new(x[i], y[i]), DVec2::new(u[i], v[i]));
-                blocked[i] = self.thick_lens.is_some() && blocked[i]
-                    || self.second_stop.is_some_and(|stop| !stop.passes(&self.optics, array, aperture))
-                    || !self.blades.iter().all(|blade| blade.holds(aperture));
+                blocked[i] = self.thick_lens.is_some() && blocked[i] || !self.passes_stops(array, aperture);
             }
         }
         if let Some(shown) = &way.shown {
@@ -319,6 +388,8 @@ impl Instrument {
             (low, high) = (low.min(place), high.max(place));
         }
         let blur = 5.0 * size_mm * self.optics.beta(particle.place_mm.z).abs() / self.pixel_pitch_mm;
-        [(low - self.margin_px - blur).to_array(), (high + self.margin_px + blur).to_array()]
+        let coherent = self.coherent.as_ref().map_or(0.0, |light| light.beside_mm() / self.pixel_pitch_mm);
+        let margin = self.margin_px + blur + coherent;
+        [(low - margin).to_array(), (high + margin).to_array()]
     }
 }

@@ -3,6 +3,7 @@
 //! Open `render.rs` first.
 
 mod aberrations;
+mod coherent;
 mod diffraction;
 mod instrument;
 mod render;

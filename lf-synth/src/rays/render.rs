@@ -74,7 +74,8 @@ pub fn frame_bytes(instrument: &Instrument, particles: &[Particle], glow: &Glow)
     let rays = particles.iter().map(|particle| glow.rays.of_intensity(particle.intensity)).max().unwrap_or(0);
     let mut tallies: Vec<f64> = tallies_px(instrument, particles, glow).collect();
     tallies.sort_unstable_by(|a, b| b.total_cmp(a));
-    rendered_bytes(instrument, rays, tallies.iter().take(BATCH).sum())
+    let wave = particles.iter().map(|particle| instrument.wave_bytes(particle, glow)).fold(0.0, f64::max);
+    rendered_bytes(instrument, rays, tallies.iter().take(BATCH).sum()) + wave * rayon::current_num_threads() as f64
 }
 
 /// Largest number of bytes that [`white`] takes.

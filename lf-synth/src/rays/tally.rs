@@ -15,6 +15,9 @@ pub struct Tally {
     counts_per_ray: f64,
 }
 
+/// Light of a particle is counted in these shares where no rays are cast.
+pub const LEAST_SHARE: f64 = 1.0 / (1 << 30) as f64;
+
 impl Tally {
     /// An empty tally with room for this number of pixels: it need not grow, which would leave memory behind.
     pub fn with_capacity(pixels: f64) -> Self {
@@ -52,6 +55,19 @@ impl Tally {
             }
         }
         self.arrived += within;
+    }
+
+    /// Adds a share of the light, of which a ray has [`LEAST_SHARE`], to a pixel of the sensor. Light outside the tally
+    /// is lost.
+    pub fn add_share(&mut self, [column, row]: [i64; 2], share: f64) {
+        let (x, y) = (column - self.left as i64, row - self.top as i64);
+        if (0..self.width as i64).contains(&x) && y >= 0 {
+            let rays = (share / LEAST_SHARE).round() as u32;
+            if let Some(pixel) = self.rays.get_mut(y as usize * self.width + x as usize) {
+                *pixel += rays;
+                self.arrived += u64::from(rays);
+            }
+        }
     }
 
     /// Lists a ray that fell outside the tally, if the sensor is there.

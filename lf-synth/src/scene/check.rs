@@ -30,6 +30,10 @@ pub fn check(scene: &Scene, camera: &Camera) -> Result<(), Refusal> {
             return Err(wrong("diffraction and camera.blur.wavelength_nm say the same; wanted one of them"));
         }
     }
+    let has_wavelength = scene.diffraction.is_some() || camera.blur.is_some_and(|blur| blur.wavelength_nm.is_some());
+    if scene.coherent_light && !has_wavelength {
+        return Err(wrong("coherent_light has no wavelength; wanted camera.blur.wavelength_nm or diffraction"));
+    }
     scene.second_stop.as_ref().map_or(Ok(()), |stop| stop.check(camera))?;
     if let Some(lens) = &scene.thick_lens {
         lens.check(camera)?;

@@ -23,6 +23,9 @@ pub struct Scene {
     /// Diffraction at the lenslets that the written camera does not know of. `camera.blur` is blur that it knows.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub diffraction: Option<Diffraction>,
+    /// Whether the light of a particle is one wave in the stop and the lenslets. Else each lenslet diffracts alone.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub coherent_light: bool,
     /// A second stop on the axis, which cuts the beam off the axis (cat's-eye vignetting).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub second_stop: Option<SecondStop>,
