@@ -119,14 +119,14 @@ impl CoherentLight {
 
         let Some((phase, reach)) = Phase::new(rays, chief_mm, self.pitch_mm, to_mm, half) else { return false };
         let apart = if reach < NARROW { 0.0 } else { APART };
-        let reach = reach + BESIDE_PITCHES;
+        let reach = reach + BESIDE_PITCHES + FARTHEST * rays.sigma_mm / self.pitch_mm;
         let range = 2.0 * (half + BESIDE);
         let steps = good_size((2.0 * reach * range).ceil());
         let Some(steps) = steps.filter(|steps| *steps <= MOST_STEPS) else { return false };
         let (step, spacing) = (range / steps as f64, 1.0 / range);
         let wave = self.on_array(rays, &phase, (chief_mm, to_mm), (half, step), steps);
 
-        // Light of the whole stop, in squares of the wave on the array.
+        // Light of the whole stop, in the unit of the squared wave on the array.
         let whole = (steps * steps) as f64 * 4.0 * half * half * rays.filled / (step * step);
         let Some(wide) = good_size((WINDOW / spacing).ceil()) else { return false };
         let transform = Transform::new(wide, FftDirection::Forward);
@@ -137,10 +137,12 @@ impl CoherentLight {
             let mut light = 0.0;
             let at = (centre_mm - chief_mm) / (self.pitch_mm * spacing);
             for (node, share) in points(at, rays.sigma_mm / (self.pitch_mm * spacing), apart) {
-                let index =
-                    |first: i64, n: usize| (first + n as i64 - wide as i64 / 2).rem_euclid(steps as i64) as usize;
-                for (n, number) in buffer.iter_mut().enumerate() {
-                    *number = cell[n] * wave[index(node[1], n / wide) * steps + index(node[0], n % wide)];
+                let wrapped = |at: i64, n: usize| (at + n as i64 - wide as i64 / 2).rem_euclid(steps as i64) as usize;
+                for (row, (numbers, cell)) in buffer.chunks_mut(wide).zip(cell.chunks(wide)).enumerate() {
+                    let line = &wave[wrapped(node[1], row) * steps..][..steps];
+                    for (column, (number, factor)) in numbers.iter_mut().zip(cell).enumerate() {
+                        *number = factor * line[wrapped(node[0], column)];
+                    }
                 }
                 light += share * f64::from(buffer.iter().map(|number| number.norm_sqr()).sum::<f32>());
                 if light < LEAST_LIGHT * whole {
