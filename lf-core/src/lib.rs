@@ -53,6 +53,7 @@ pub mod cli;
 pub mod error;
 pub mod field;
 pub mod flow;
+pub mod fourier;
 pub mod frame;
 pub mod grid;
 pub mod halo;

@@ -3,6 +3,7 @@
 use super::basis::{reduced, shortest};
 use crate::fit::polynomial::outer;
 use glam::{DMat2, DVec2};
+use lf_core::fourier::smooth_size;
 use ndarray::{Array2, ArrayView2, s};
 use rayon::prelude::*;
 use rustfft::{FftDirection, FftPlanner, num_complex::Complex};
@@ -63,13 +64,6 @@ fn transform(field: &mut Vec<Complex<f64>>, [columns, rows]: [usize; 2], directi
             (0..field.len()).into_par_iter().map(|n| field[(n % lines) * length + n / lines]).collect();
         *field = turned;
     }
-}
-
-/// The next size without a prime factor above 5.
-fn smooth_size(least: usize) -> usize {
-    // A size below 2^30 divides the product if its prime factors are 2, 3 and 5.
-    let product = 2u128.pow(30) * 3u128.pow(18) * 5u128.pow(12);
-    (least..).find(|size| product.is_multiple_of(*size as u128)).expect("powers of two have no end")
 }
 
 impl Autocorrelation {

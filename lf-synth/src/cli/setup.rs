@@ -53,10 +53,10 @@ impl Setup {
         let Scene { second_stop, diffraction, thick_lens, .. } = &self.scene;
         let instrument = Instrument::new(&self.camera, *second_stop, diffraction.as_ref());
         let instrument = instrument.with_lens(thick_lens.as_ref(), &self.camera);
-        match self.scene.coherent_light {
-            true => instrument.in_coherent_light(&self.camera, diffraction.as_ref()),
-            false => instrument,
+        if self.scene.coherent_light {
+            return instrument.in_coherent_light(&self.camera, diffraction.as_ref());
         }
+        instrument
     }
 
     /// Refuses work that takes more memory than allowed; see [`Session::allow_memory`].

@@ -12,6 +12,7 @@ use super::diffraction::hexagon;
 use super::tally::Tally;
 use glam::{DMat2, DVec2};
 use lf_core::camera::Layout;
+use lf_core::fourier::smooth_size;
 use lf_core::linear::{cholesky, solve};
 use lf_core::{Camera, halo::sinc};
 use rustfft::{Fft, FftDirection, FftPlanner, num_complex::Complex};
@@ -121,14 +122,14 @@ impl CoherentLight {
         let apart = if reach < NARROW { 0.0 } else { APART };
         let reach = reach + BESIDE_PITCHES + FARTHEST * rays.sigma_mm / self.pitch_mm;
         let range = 2.0 * (half + BESIDE);
-        let steps = good_size((2.0 * reach * range).ceil());
-        let Some(steps) = steps.filter(|steps| *steps <= MOST_STEPS) else { return false };
+        let least = Some(2.0 * reach * range).filter(|steps| *steps < MOST_STEPS as f64);
+        let Some(steps) = least.map(|steps| smooth_size(steps.ceil() as usize)) else { return false };
         let (step, spacing) = (range / steps as f64, 1.0 / range);
         let wave = self.on_array(rays, &phase, (chief_mm, to_mm), (half, step), steps);
 
         // Light of the whole stop, in the unit of the squared wave on the array.
         let whole = (steps * steps) as f64 * 4.0 * half * half * rays.filled / (step * step);
-        let Some(wide) = good_size((WINDOW / spacing).ceil()) else { return false };
+        let wide = smooth_size((WINDOW / spacing).ceil() as usize);
         let transform = Transform::new(wide, FftDirection::Forward);
         let cell = self.cell(&transform, (spacing, range), curvature);
         let mut buffer = vec![Number::default(); wide * wide];
@@ -350,20 +351,6 @@ impl Phase {
 fn powers() -> impl Iterator<Item = (i32, i32)> {
     let degree = DEGREE as i32;
     (1..=degree).flat_map(|sum| (0..=sum).map(move |b| (sum - b, b)))
-}
-
-/// The smallest size of a fast transform that is not below `least`; None if it is not finite.
-fn good_size(least: f64) -> Option<usize> {
-    let is_good = |n: &usize| {
-        let mut rest = *n;
-        for prime in [2, 3, 5] {
-            while rest.is_multiple_of(prime) {
-                rest /= prime;
-            }
-        }
-        rest == 1
-    };
-    if least < 1e6 { (least.max(1.0) as usize..).find(is_good) } else { None }
 }
 
 /// A Fourier transform of a square of numbers.

@@ -113,24 +113,20 @@ impl Instrument {
     }
 
     /// Draws a particle in coherent light. Returns false, and draws nothing, where it is not asked for or not known.
-    fn draw_coherent(&self, glow: &Glow, particle: &Particle, tally: &mut Tally) -> bool {
+    fn draw_coherent(
+        &self,
+        glow: &Glow,
+        particle: &Particle,
+        (low, high): ([f64; 2], [f64; 2]),
+        tally: &mut Tally,
+    ) -> bool {
         let Some(coherent) = &self.coherent else { return false };
+        tally.clear(low, high, self.size, LEAST_SHARE * particle.intensity);
         let (point, z_mm) = (particle.place_mm.truncate(), particle.place_mm.z);
         let spread = if glow.shape == Shape::Gaussian { 1.0 } else { 0.5 };
         let half_mm = self.optics.half_aperture_mm;
         let rays = Rays {
-            ray: &|place: DVec2| match &self.thick_lens {
-                None => {
-                    let stop = half_mm * place;
-                    let hit = self.optics.array_from_object(point, z_mm, stop);
-                    Some((hit + self.aberration_mm(point, z_mm, stop), stop))
-                }
-                Some(lens) => {
-                    let pupil = lens.half_entrance_mm * place;
-                    let ray = lens.ray_from_object(sensor_axes(point), z_mm, pupil, false)?;
-                    Some((ray.array_mm, ray.aperture_mm))
-                }
-            },
+            ray: &|place: DVec2| self.ray(point, z_mm, place),
             passes: &|array: DVec2, stop: DVec2| {
                 let is_open = match (&self.thick_lens, self.aperture) {
                     (Some(lens), _) => lens.lets_through(array, stop),
@@ -151,6 +147,18 @@ impl Instrument {
             lattice.lenslets_within(middle, DVec2::splat(reach_mm)).map(|(_, _, centre)| centre)
         };
         coherent.draw(&rays, lenslets, tally)
+    }
+
+    /// Where the ray of a point through a place of the stop, in half widths, meets the array and the stop, mm. Stops do
+    /// not hold it back; None if it misses the lens.
+    fn ray(&self, point: DVec2, z_mm: f64, place: DVec2) -> Option<(DVec2, DVec2)> {
+        if let Some(lens) = &self.thick_lens {
+            let pupil = lens.half_entrance_mm * place;
+            let ray = lens.ray_from_object(sensor_axes(point), z_mm, pupil, false)?;
+            return Some((ray.array_mm, ray.aperture_mm));
+        }
+        let stop = self.optics.half_aperture_mm * place;
+        Some((self.optics.array_from_object(point, z_mm, stop) + self.aberration_mm(point, z_mm, stop), stop))
     }
 
     /// Whether a second stop and the blades let light through.
@@ -238,8 +246,7 @@ impl Instrument {
         let half_pupil = self.thick_lens.as_ref().map_or(self.optics.half_aperture_mm, |lens| lens.half_entrance_mm);
         let ((half, light), size) = (self.drawn_mm(half_pupil, waves), glow.size_mm * particle.size);
         let [low, high] = self.bounds_px(particle, size);
-        tally.clear(low, high, self.size, LEAST_SHARE * particle.intensity);
-        if self.draw_coherent(glow, particle, tally) {
+        if self.draw_coherent(glow, particle, (low, high), tally) {
             return;
         }
         tally.clear(low, high, self.size, light * particle.intensity / rays as f64);
@@ -373,17 +380,7 @@ impl Instrument {
         let (point, z_mm) = (particle.place_mm.truncate(), particle.place_mm.z);
         for n in 0..RIM {
             let way = radius * DVec2::from_angle(std::f64::consts::TAU * n as f64 / RIM as f64);
-            let (hit, rim) = match &self.thick_lens {
-                None => {
-                    let rim = self.optics.half_aperture_mm * way;
-                    (self.optics.array_from_object(point, z_mm, rim) + self.aberration_mm(point, z_mm, rim), rim)
-                }
-                Some(lens) => {
-                    let ray = lens.ray_from_object(sensor_axes(point), z_mm, lens.half_entrance_mm * way, false);
-                    let Some(LensRay { array_mm, aperture_mm }) = ray else { continue };
-                    (array_mm, aperture_mm)
-                }
-            };
+            let Some((hit, rim)) = self.ray(point, z_mm, way) else { continue };
             let place = self.optics.place_px(self.optics.sensor_from_array(hit, rim));
             (low, high) = (low.min(place), high.max(place));
         }
