@@ -54,13 +54,21 @@ impl<T: Listed> LensletImage<'_, T> {
     #[inline(always)]
     pub(super) fn is_inside_stop(&self, axes: &[Axis; 2], alpha: DVec2) -> bool {
         let View { corner, cell_radius, has_round_stop, ref optics, .. } = *self.view;
-        let fringes_mm = self.view.fringes_px() * (alpha.x * axes[0].per_slope).abs();
+        let growth = Self::growths(axes, alpha).1.abs();
+        let fringes_mm = self.view.rim_px(growth) / growth;
         let (chief, reach) = (DVec2::new(axes[0].chief, axes[1].chief), REACH_SIGMA * self.spot_mm + fringes_mm);
         let far = match has_round_stop {
             true => (chief.length() + cell_radius + reach) / alpha.abs().min_element(),
             false => ((chief.abs() + corner + reach) / alpha.abs()).max_element(),
         };
         far < optics.half_aperture_mm
+    }
+
+    /// Whether the stop cuts nothing of a lenslet's light.
+    #[inline(always)]
+    pub(super) fn is_whole(&self, line: &LensletLine) -> bool {
+        let (axes, alpha) = self.axes(line);
+        self.is_inside_stop(&axes, alpha)
     }
 
     /// Fills the scratch's pixels with all quantities where rays are straight and the stop cuts nothing: as on a sharp

@@ -235,7 +235,7 @@ impl<T: Listed> LensletImage<'_, T> {
 
     /// Hands out the pixels that lie on the sensor. They begin `before` pixels before the first finer one.
     #[inline(always)]
-    fn hand_out<const N: usize>(
+    pub(super) fn hand_out<const N: usize>(
         &self,
         (first, before): ([i64; 2], i64),
         [columns, rows]: [usize; 2],

@@ -42,6 +42,16 @@ impl FineLight {
         row * self.line() + part * self.stride + self.before
     }
 
+    /// Adds to the first quantity in a row of finer pixels.
+    #[inline(always)]
+    pub(super) fn add_row(&mut self, row: usize, numbers: &[f32]) {
+        for part in 0..self.parts {
+            let start = self.start(row, part);
+            let own = numbers.iter().skip(part).step_by(self.parts);
+            self.fine[start..].iter_mut().zip(own).for_each(|(sum, number)| *sum += *number);
+        }
+    }
+
     /// Sets a quantity at places that count from [`Self::start`].
     #[inline(always)]
     pub(super) fn set(&mut self, quantity: usize, at: &[u32], numbers: &[f32]) {

@@ -1,5 +1,7 @@
 //! A sensor with finer pixels: a blurred sensor's light is that of a finer one with less blur, smoothed by the rest.
 
+use crate::normal::distribution;
+
 /// A rest up to this width has seven weights, which have a Gaussian's moments up to the sixth. A wider one is one.
 const SEVEN_WEIGHTS: f64 = 0.8;
 /// Reach of a wider one, in its standard deviations.
@@ -9,6 +11,9 @@ const FINE_BLUR: f64 = 0.45;
 /// Smallest and largest number of finer pixels a pixel, a side.
 const LEAST_PARTS: usize = 2;
 const MOST_PARTS: usize = 8;
+
+/// A Gaussian that smooths samples has at least this standard deviation, px.
+const LEAST_SMOOTHED: f64 = 0.1;
 
 /// A finer sensor.
 #[derive(Debug, Clone)]
@@ -29,6 +34,19 @@ impl FineSensor {
     /// px^2.
     pub(super) fn whole(variance: f64) -> Self {
         Self { parts: 1, variance, reach: 0, weights: [vec![1.0], vec![]] }
+    }
+
+    /// Samples of light, which a pixel and a Gaussian smooth.
+    pub(super) fn of_samples(parts: usize, sigma_px: f64) -> Self {
+        let sigma = sigma_px.max(LEAST_SMOOTHED);
+        let reach = (REST_REACH * sigma).ceil() as usize;
+        let weight = |n: usize| {
+            let off = (n as f64 + 0.5) / parts as f64 - reach as f64 - 0.5;
+            let share = distribution((off + 0.5) / sigma) - distribution((off - 0.5) / sigma);
+            (share / parts as f64) as f32
+        };
+        let weights = [(0..(2 * reach + 1) * parts).map(weight).collect(), vec![]];
+        Self { parts, variance: sigma * sigma, reach, weights }
     }
 
     pub(super) fn new(sigma_px: f64) -> Self {

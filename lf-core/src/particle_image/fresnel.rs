@@ -10,10 +10,13 @@
 //!
 //! For g = 0 it is the transfer of the far field, and without waves that of the cell's shadow.
 
+use super::cell_nodes::CellNodes;
+use super::stop_wave::StopWaves;
 use crate::camera::Diffraction;
 use crate::halo::sinc;
 use glam::DVec2;
 use std::f64::consts::PI;
+use std::sync::OnceLock;
 
 /// A cell in waves.
 #[derive(Debug, Clone)]
@@ -24,11 +27,24 @@ pub(super) struct WaveCell {
     sides: Vec<(DVec2, f64)>,
     area_mm2: f64,
     /// lambda g / p, px, and how far a frequency moves the cell, mm px.
-    unit_px: f64,
+    pub(super) unit_px: f64,
     spread_mm: f64,
     /// Standard deviation of the Gaussian that other images take for the middle of the far field, px.
     middle_px: f64,
+    /// The stop before it.
+    pub(super) stop: StopWaves,
+    /// The corners in pitches, and nodes on the cell by [`NODES`] more along its width.
+    shape: Vec<DVec2>,
+    nodes: Vec<OnceLock<CellNodes>>,
 }
+
+/// The rim of the stop is followed this far on both sides, in the width of a wave's edge.
+const RIM: f64 = 3.0;
+
+/// Numbers of nodes along a cell differ by this.
+const NODES: usize = 2;
+/// The largest number of nodes along a cell, in this unit.
+const MOST_NODES: usize = 90;
 
 /// Fringes are followed this far beside the shadow, in lambda g / p.
 const FRINGES: f64 = 3.0;
@@ -37,8 +53,13 @@ const FRINGES: f64 = 3.0;
 const ALIKE: f64 = 0.01;
 
 impl WaveCell {
-    /// A cell of a lattice, `unit_px` being lambda g / p.
-    pub(super) fn new(corners: &[DVec2], pitch_mm: f64, pattern: Diffraction) -> Self {
+    /// A cell of a lattice behind a round or a square stop, which has this half width on the sensor.
+    pub(super) fn new(
+        corners: &[DVec2],
+        pitch_mm: f64,
+        pattern: Diffraction,
+        (half_px, is_round): (f64, bool),
+    ) -> Self {
         let (unit_px, middle_px) = (pattern.unit_px, pattern.core_px());
         let spread_mm = unit_px * pitch_mm;
         let side = |n: usize| {
@@ -46,7 +67,23 @@ impl WaveCell {
             (out, out.dot(corners[n]))
         };
         let sides = (0..corners.len()).map(side).collect();
-        Self { corners: corners.to_vec(), sides, area_mm2: area(corners), unit_px, spread_mm, middle_px }
+        Self {
+            corners: corners.to_vec(),
+            sides,
+            area_mm2: area(corners),
+            unit_px,
+            spread_mm,
+            middle_px,
+            stop: StopWaves::new(half_px / unit_px, is_round),
+            shape: corners.iter().map(|corner| *corner / pitch_mm).collect(),
+            nodes: (0..=MOST_NODES).map(|_| OnceLock::new()).collect(),
+        }
+    }
+
+    /// Nodes on the cell, at least this number along its width.
+    pub(super) fn nodes(&self, least: usize) -> &CellNodes {
+        let n = least.div_ceil(NODES).clamp(1, MOST_NODES);
+        self.nodes[n].get_or_init(|| CellNodes::new(&self.shape, n * NODES))
     }
 
     /// How far beside the shadow fringes are followed, px.
@@ -54,9 +91,17 @@ impl WaveCell {
         FRINGES * self.unit_px
     }
 
+    /// How far from the rim of the stop waves are followed where a cell's shadow is this wide, px.
+    pub(super) fn rim_px(&self, shadow_px: f64) -> f64 {
+        self.unit_px * RIM * (0.5 * shadow_px / self.unit_px).sqrt().max(1.0)
+    }
+
     /// Whether the cells of another camera, of the same size, show what these show.
     pub(super) fn is_like(&self, other: &Self) -> bool {
-        (other.unit_px / self.unit_px - 1.0).abs() < ALIKE
+        let alike = |own: f64, other: f64| (other / own - 1.0).abs() < ALIKE;
+        alike(self.unit_px, other.unit_px)
+            && alike(self.stop.half, other.stop.half)
+            && self.stop.is_round == other.stop.is_round
     }
 
     /// The transfer at a frequency, 1/px, for a shadow that grows by `growth` px a mm.
@@ -165,7 +210,7 @@ mod tests {
     #[test]
     fn means_are_those_of_points_in_both_cells() {
         for corners in cells() {
-            let cell = WaveCell::new(&corners, 1.0, pattern(1.0));
+            let cell = WaveCell::new(&corners, 1.0, pattern(1.0), (9.0, true));
             let inside = |at: DVec2| {
                 (0..corners.len()).all(|n| {
                     let (a, b) = (corners[n], corners[(n + 1) % corners.len()]);
@@ -194,7 +239,7 @@ mod tests {
     #[test]
     fn without_waves_it_is_the_shadow() {
         for corners in cells() {
-            let cell = WaveCell::new(&corners, 1.0, pattern(1e-9));
+            let cell = WaveCell::new(&corners, 1.0, pattern(1e-9), (9.0, true));
             let means = cell.means(6.0, 0.5, [8, 8], 4);
             let sum = means.iter().sum::<f64>() / 16.0;
             assert!((sum / (36.0 * cell.area_mm2) - 1.0).abs() < 1e-3, "{sum}");

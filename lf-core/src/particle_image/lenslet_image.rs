@@ -18,6 +18,7 @@ use super::spline::{Spline, Taps};
 use super::spots::Spots;
 use super::table::Table;
 use super::view::View;
+use super::wave_buffers::WaveBuffers;
 use crate::normal::quick_distribution;
 use crate::simd::fastest;
 use glam::DVec2;
@@ -153,6 +154,7 @@ pub struct Scratch {
     pub(super) even: PictureMeans,
     pub(super) fine: FineLight,
     pub(super) spots: Spots,
+    pub(super) waves: WaveBuffers,
     taps: Lists<Taps>,
     reads: Lists<Read>,
     lines: [Vec<[f64; QUANTITIES]>; 2],

@@ -33,7 +33,9 @@
 mod axis;
 mod beam;
 mod blurred_factors;
+mod cell_nodes;
 mod cell_surface;
+mod coherent;
 mod cross;
 mod departure;
 mod edge_sums;
@@ -57,10 +59,12 @@ mod sensor_blur;
 mod share;
 mod spline;
 mod spots;
+mod stop_wave;
 mod table;
 #[cfg(test)]
 mod tests;
 mod view;
+mod wave_buffers;
 
 pub use lenslet_image::{Patch, Scratch};
 pub use model::ParticleModel;

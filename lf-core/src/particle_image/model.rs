@@ -74,7 +74,11 @@ impl ParticleModel {
         let corners = cell(&optics, pitch_mm, blur.is_some());
         let alike_mm = ALIKE_PX * optics.pixel_pitch_mm;
         let is_exact = known.is_some_and(|model| model.view.is_exact);
-        let waves = camera.fresnel().map(|pattern| WaveCell::new(&corners, pitch_mm, pattern));
+        let waves = camera.fresnel().map(|pattern| {
+            let half_px = optics.demagnification * optics.half_aperture_mm / optics.pixel_pitch_mm;
+            let is_round = camera.main_lens.aperture == Aperture::Circle;
+            WaveCell::new(&corners, pitch_mm, pattern, (half_px, is_round))
+        });
         let known = known.filter(|model| model.surfaces.are_for(&corners, &sizes, alike_mm));
         let surfaces = known.map_or_else(|| Surfaces::new(&corners, &sizes), |model| model.surfaces.clone());
         let are_alike = |pictures: &&Arc<Pictures>| match (&pictures.waves, &waves) {
@@ -181,7 +185,7 @@ impl ParticleModel {
         scratch: &mut Scratch,
         mut found: impl FnMut(Patch, &[[f64; QUANTITIES]]),
     ) {
-        self.draw(QUANTITIES, place_mm, size, scratch, &mut |patch, scratch| found(patch, &scratch.pixels));
+        self.draw((QUANTITIES, false), place_mm, size, scratch, &mut |patch, scratch| found(patch, &scratch.pixels));
     }
 
     /// Like [`Self::visit`], but with the first [`PLACES`] quantities only, in less time. The derivative by z leaves
@@ -193,7 +197,7 @@ impl ParticleModel {
         scratch: &mut Scratch,
         mut found: impl FnMut(Patch, &[[f32; PLACES]]),
     ) {
-        self.draw(PLACES, place_mm, size, scratch, &mut |patch, scratch| found(patch, &scratch.places));
+        self.draw((PLACES, false), place_mm, size, scratch, &mut |patch, scratch| found(patch, &scratch.places));
     }
 
     /// Like [`Self::visit_places`], but the derivatives are not wanted.
@@ -204,28 +208,55 @@ impl ParticleModel {
         scratch: &mut Scratch,
         mut found: impl FnMut(Patch, &[[f32; PLACES]]),
     ) {
-        self.draw(LIGHT, place_mm, size, scratch, &mut |patch, scratch| found(patch, &scratch.places));
+        self.draw((LIGHT, false), place_mm, size, scratch, &mut |patch, scratch| found(patch, &scratch.places));
     }
 
-    /// No generic function, so that it is compiled in this crate alone.
-    fn draw(&self, quantities: usize, place_mm: [f64; 3], size: f64, scratch: &mut Scratch, found: Found) {
-        match quantities {
-            LIGHT => self.draw_first::<LIGHT>(place_mm, size, scratch, found),
-            PLACES => self.draw_first::<PLACES>(place_mm, size, scratch, found),
-            _ => self.draw_first::<QUANTITIES>(place_mm, size, scratch, found),
+    /// Visits what waves at the rim of the stop add to [`Self::visit_light`], positive and negative. That is nothing if
+    /// waves are not followed, and takes ten times as long if they are.
+    pub fn visit_rest(
+        &self,
+        place_mm: [f64; 3],
+        size: f64,
+        scratch: &mut Scratch,
+        mut found: impl FnMut(Patch, &[[f32; PLACES]]),
+    ) {
+        if self.follows_waves() {
+            self.draw((LIGHT, true), place_mm, size, scratch, &mut |patch, scratch| found(patch, &scratch.places));
         }
     }
 
-    fn draw_first<const N: usize>(&self, place_mm: [f64; 3], size: f64, scratch: &mut Scratch, found: Found) {
+    /// No generic function, so that it is compiled in this crate alone.
+    fn draw(
+        &self,
+        (quantities, is_rest): (usize, bool),
+        place_mm: [f64; 3],
+        size: f64,
+        scratch: &mut Scratch,
+        found: Found,
+    ) {
+        match quantities {
+            LIGHT => self.draw_first::<LIGHT>(place_mm, (size, is_rest), scratch, found),
+            PLACES => self.draw_first::<PLACES>(place_mm, (size, is_rest), scratch, found),
+            _ => self.draw_first::<QUANTITIES>(place_mm, (size, is_rest), scratch, found),
+        }
+    }
+
+    fn draw_first<const N: usize>(
+        &self,
+        place_mm: [f64; 3],
+        (size, is_rest): (f64, bool),
+        scratch: &mut Scratch,
+        found: Found,
+    ) {
         let beam = self.tracer.beam(&self.view.optics, place_mm);
         let sigma_mm = size * self.sigma_mm;
         let spot_mm = (sigma_mm * beam.beta).max(LEAST_SPOT_PX * self.view.optics.pixel_pitch_mm);
-        let sizes = [sigma_mm, spot_mm];
+        let how = ([sigma_mm, spot_mm], is_rest);
         fastest(
             #[inline(always)]
             || match &self.surfaces {
-                Surfaces::Any(ladder) => self.draw_lenslets::<_, N>(&beam, ladder, sizes, scratch, found),
-                Surfaces::Rectangle(ladder) => self.draw_lenslets::<_, N>(&beam, ladder, sizes, scratch, found),
+                Surfaces::Any(ladder) => self.draw_lenslets::<_, N>(&beam, ladder, how, scratch, found),
+                Surfaces::Rectangle(ladder) => self.draw_lenslets::<_, N>(&beam, ladder, how, scratch, found),
             },
         );
     }
@@ -235,7 +266,7 @@ impl ParticleModel {
         &self,
         beam: &Beam,
         ladder: &Ladder<T>,
-        [sigma_mm, spot_mm]: [f64; 2],
+        ([sigma_mm, spot_mm], is_rest): ([f64; 2], bool),
         scratch: &mut Scratch,
         found: Found,
     ) {
@@ -246,7 +277,7 @@ impl ParticleModel {
         let middle = self.lines.within(beam.chief, DVec2::splat(0.5 * self.view.pitch_mm)).next();
         let scale = middle.map_or(0.0, |line| image.scale(line));
         scratch.even.begin(scale);
-        let fringes = if scale > 0.0 { self.view.fringes_px() / scale } else { 0.0 };
+        let fringes = if scale > 0.0 { self.view.rim_px(scale) / scale } else { 0.0 };
         let margin = margin + fringes;
         let spread = beam.alpha.abs() * self.view.optics.half_aperture_mm;
         for line in self.lines.within(beam.chief, margin + spread) {
@@ -256,6 +287,12 @@ impl ParticleModel {
                 if beyond.length_squared() > spread * spread {
                     continue;
                 }
+            }
+            if is_rest {
+                let Some(blur) = &self.view.blur else { continue };
+                let exact = if image.is_whole(line) { None } else { image.coherent(blur, line, scratch) };
+                let Some(patch) = exact else { continue };
+                patch.into_iter().for_each(|patch| found(patch, scratch));
             }
             let by_shift = self.lines.by_shift;
             // Not in closures: these are compiled for the oldest processors unless they are inlined.
@@ -279,6 +316,9 @@ impl ParticleModel {
             if let Some(patch) = patch {
                 if !is_by_place {
                     to_place::<N>(beam, sigma_mm, scratch);
+                }
+                if is_rest {
+                    scratch.places.iter_mut().for_each(|pixel| pixel[0] = -pixel[0]);
                 }
                 found(patch, scratch);
             }

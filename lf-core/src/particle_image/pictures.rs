@@ -61,7 +61,8 @@ impl Pictures {
     /// Bytes of the pictures that have been made.
     pub(super) fn bytes(&self) -> usize {
         let made = self.pictures.iter().filter_map(OnceLock::get);
-        made.map(|picture| size_of_val(&picture.values[..])).sum()
+        let stop = self.waves.as_ref().map_or(0, |cell| cell.stop.bytes());
+        stop + made.map(|picture| size_of_val(&picture.values[..])).sum::<usize>()
     }
 
     /// How far fringes lie beside a cell's shadow, px.

@@ -18,7 +18,7 @@ pub(super) struct SensorBlur {
     unit_px: f64,
     /// Standard deviation of the part of the Gaussian that widens the light of a place in the stop, px: where waves are
     /// followed, the middle of the pattern is not a part of it.
-    own_px: f64,
+    pub(super) own_px: f64,
 }
 
 /// In waves, the edge of a stop lies this far inside, in lambda g / p: coherent light has a quarter of its intensity at

@@ -33,6 +33,13 @@ impl View {
         self.pictures.as_ref().map_or(0.0, |pictures| pictures.fringes_px())
     }
 
+    /// How far beside the rim of the stop waves are followed, px, where a mm has a shadow of this width, px.
+    #[inline(always)]
+    pub(super) fn rim_px(&self, growth: f64) -> f64 {
+        let waves = self.pictures.as_ref().and_then(|pictures| pictures.waves.as_ref());
+        waves.map_or(0.0, |cell| cell.rim_px(growth.abs() * self.pitch_mm))
+    }
+
     /// Whether pictures follow waves: then no other image does.
     #[inline(always)]
     pub(super) fn follows_waves(&self) -> bool {

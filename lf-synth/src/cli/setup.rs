@@ -53,7 +53,7 @@ impl Setup {
         let Scene { second_stop, diffraction, thick_lens, .. } = &self.scene;
         let instrument = Instrument::new(&self.camera, *second_stop, diffraction.as_ref());
         let instrument = instrument.with_lens(thick_lens.as_ref(), &self.camera);
-        if self.scene.coherent_light {
+        if self.scene.coherent_light || self.camera.fresnel().is_some() {
             return instrument.in_coherent_light(&self.camera, diffraction.as_ref());
         }
         instrument

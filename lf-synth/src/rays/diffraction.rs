@@ -1,6 +1,5 @@
 //! Blur on the sensor: diffraction by a lenslet's rim, and a Gaussian. In collimated light a sensor at the focal length
-//! sees the far field of the lenslet's cell. The light of a particle converges behind the array and makes Fresnel's
-//! pattern: `waves.rs`.
+//! sees the far field of the lenslet's cell. The light of a particle converges behind the array: `coherent.rs`.
 
 use glam::DVec2;
 use lf_core::camera::{Blur, Layout};
@@ -63,12 +62,6 @@ const GAUSSIAN_STEP: [f64; 2] = [0.414_213_562_373_095_1, 0.732_050_807_568_877_
 type Place = Box<dyn Fn([f64; 2]) -> DVec2>;
 
 impl Pattern {
-    /// The blur that is no diffraction; None without one.
-    pub(super) fn of_gaussian(camera: &Camera) -> Option<Self> {
-        let gaussian = camera.blur.map(|blur| Blur { wavelength_nm: None, pattern: None, ..blur });
-        Self::new(&Camera { blur: gaussian, ..camera.clone() })
-    }
-
     /// The blur of a camera; None without one.
     pub(super) fn new(camera: &Camera) -> Option<Self> {
         let blur = camera.blur.unwrap_or_default();
@@ -159,14 +152,14 @@ fn of_hexagon() -> Place {
 /// A pattern with the symmetry of a hexagon whose sides are 1 apart, two across the x axis: the angle from the middle
 /// of a side first, then the radius.
 #[derive(Debug)]
-pub(super) struct HexagonPattern {
+struct HexagonPattern {
     angles: Quantiles,
     radii: Vec<Quantiles>,
 }
 
 impl HexagonPattern {
     /// From the intensity in lambda g / p, up to a reach.
-    pub(super) fn new(reach: usize, intensity: impl Fn(DVec2) -> f64 + Sync) -> Self {
+    fn new(reach: usize, intensity: impl Fn(DVec2) -> f64 + Sync) -> Self {
         let along = |n: usize| {
             let way = DVec2::from_angle(Self::angle(n as f64 + 0.5));
             Quantiles::new((0..reach * RADIAL_FINENESS).map(|step| {
@@ -189,18 +182,6 @@ impl HexagonPattern {
         let at = self.angles.at(turned);
         (Self::angle(at), self.radii[(at as usize).min(RADII - 1)].at(out) / RADIAL_FINENESS as f64)
     }
-
-    /// Where the light of a place in the hexagon is seen, so that even light on the hexagon makes the pattern.
-    #[inline(always)]
-    pub(super) fn seen(&self, place: DVec2) -> DVec2 {
-        let side = (place.to_angle() / (PI / 3.0)).round() * (PI / 3.0);
-        let (across, along) = (DVec2::from_angle(side).dot(place), DVec2::from_angle(side).perp_dot(place));
-        if across <= 0.0 {
-            return DVec2::ZERO;
-        }
-        let (from_side, radius) = self.at(3f64.sqrt() * (along / across).abs(), (2.0 * across).powi(2));
-        radius * DVec2::from_angle(side + from_side.copysign(along))
-    }
 }
 
 /// Fourier transform, 1 in the middle, of a hexagon whose sides are 1 apart, two across the x axis: the sum over its
@@ -219,14 +200,14 @@ pub(super) fn hexagon(frequency: DVec2) -> f64 {
 
 /// Quantiles of a density, given in equal steps.
 #[derive(Debug)]
-pub(super) struct Quantiles {
+struct Quantiles {
     /// The integral up to each step, as a share.
     reached: Vec<f64>,
     whole: f64,
 }
 
 impl Quantiles {
-    pub(super) fn new(density: impl Iterator<Item = f64>) -> Self {
+    fn new(density: impl Iterator<Item = f64>) -> Self {
         let mut whole = 0.0;
         let mut reached = vec![0.0];
         reached.extend(density.map(|step| {
@@ -238,7 +219,7 @@ impl Quantiles {
     }
 
     /// Where the integral reaches a share, in steps.
-    pub(super) fn at(&self, share: f64) -> f64 {
+    fn at(&self, share: f64) -> f64 {
         let n = self.reached.partition_point(|reached| *reached <= share).clamp(1, self.reached.len() - 1);
         let (low, high) = (self.reached[n - 1], self.reached[n]);
         let within = if high > low { (share - low) / (high - low) } else { 0.0 };

@@ -10,7 +10,6 @@ use super::second_stop::SecondStop;
 use super::sources::{Glow, WhiteCells};
 use super::tally::{LEAST_SHARE, Tally};
 use super::thick_lens::{LensRay, ThickLens, TracedLens, WIDER};
-use super::waves::{Shown, Waves};
 use crate::{particles::Particle, random::stream};
 use glam::DVec2;
 use lf_core::{Camera, Optics, camera::Disc, frame::sensor_axes};
@@ -28,8 +27,6 @@ pub struct Instrument {
     thick_lens: Option<TracedLens>,
     /// Blur of white light.
     blur: Option<Pattern>,
-    /// Waves of particles, and their blur.
-    waves: Option<(Waves, Option<Pattern>)>,
     /// Particles are drawn in coherent light.
     coherent: Option<CoherentLight>,
     /// Width and height of the sensor, px.
@@ -64,15 +61,6 @@ impl Flight {
         Self { u: ZERO, v: ZERO, x: ZERO, y: ZERO, blocked: [false; FLIGHT], column: [0; FLIGHT], row: [0; FLIGHT] };
 }
 
-/// Blur and waves that lenslets add to the rays of a source.
-struct Way<'a> {
-    blur: Option<&'a Pattern>,
-    shown: Option<Shown<'a>>,
-}
-
-/// Step of a sequence that is even on the unit interval: the golden ratio, less 1.
-const GOLDEN: f64 = 0.618_033_988_749_894_8;
-
 /// Keep the random streams of particles and of white cells apart.
 const PARTICLES: u64 = 0x7261_7973;
 const WHITE: u64 = 0x7768_6974;
@@ -87,7 +75,6 @@ impl Instrument {
         let blades = camera.blades.iter().flat_map(|blades| blades.aperture_discs(optics.half_aperture_mm));
         Self {
             blades: blades.collect(),
-            waves: Waves::new(camera, &optics).map(|waves| (waves, Pattern::of_gaussian(camera))),
             optics,
             aberrations: Aberrations::new(camera),
             aperture: camera.main_lens.aperture.into(),
@@ -169,32 +156,9 @@ impl Instrument {
     }
 
     /// Half width of the area of the stop from which rays are drawn, mm, and the light of a ray over its share of the
-    /// stop's. Waves bring light in from beyond.
-    fn drawn_mm(&self, half_pupil_mm: f64, waves: Option<&Waves>) -> (f64, f64) {
-        match (self.thick_lens.is_some(), waves) {
-            (true, _) => (WIDER * half_pupil_mm, WIDER * WIDER),
-            (false, None) => (half_pupil_mm, 1.0),
-            (false, Some(waves)) => {
-                let half_mm = half_pupil_mm + waves.margin_mm();
-                (half_mm, (half_mm / half_pupil_mm).powi(2) * Waves::MOST_PASSED)
-            }
-        }
-    }
-
-    /// How lenslets show a particle. Two of its rays give the size of a cell's shadow.
-    fn show<'a>(&self, waves: &'a Waves, point_mm: DVec2, z_mm: f64) -> Shown<'a> {
-        let ray = |aperture: DVec2| match &self.thick_lens {
-            None => Some((self.optics.array_from_object(point_mm, z_mm, aperture), aperture)),
-            Some(lens) => {
-                let ray = lens.ray_from_object(sensor_axes(point_mm), z_mm, aperture, false)?;
-                Some((ray.array_mm, ray.aperture_mm))
-            }
-        };
-        let middle = ray(DVec2::ZERO).unwrap_or_default();
-        let beside = ray(0.1 * self.optics.half_aperture_mm * DVec2::X).unwrap_or_default();
-        let centre = self.optics.lattice().nearest_centre_mm(middle.0);
-        let [a, b] = [middle, beside].map(|(array, aperture)| self.optics.sensor_through(centre, array, aperture));
-        waves.show((b - a).x / (beside.0 - middle.0).x)
+    /// stop's.
+    fn drawn_mm(&self, half_pupil_mm: f64) -> (f64, f64) {
+        if self.thick_lens.is_some() { (WIDER * half_pupil_mm, WIDER * WIDER) } else { (half_pupil_mm, 1.0) }
     }
 
     /// Pixels of the sensor.
@@ -238,13 +202,10 @@ impl Instrument {
         let mut random = stream(seed ^ PARTICLES, particle.id);
         let in_aperture = self.aperture.motion(&mut random);
         let in_image = glow.shape.motion(&mut random);
-        let blur = self.waves.as_ref().map_or(self.blur.as_ref(), |(_, blur)| blur.as_ref());
-        let waves = self.waves.as_ref().map(|(waves, _)| waves);
-        let start = if blur.is_some() || waves.is_some() { Pattern::start(&mut random) } else { 0 };
+        let start = self.blur.as_ref().map_or(0, |_| Pattern::start(&mut random));
         let (centre, z_mm) = (particle.place_mm.truncate(), particle.place_mm.z);
-        let way = Way { blur, shown: waves.map(|waves| self.show(waves, centre, z_mm)) };
         let half_pupil = self.thick_lens.as_ref().map_or(self.optics.half_aperture_mm, |lens| lens.half_entrance_mm);
-        let ((half, light), size) = (self.drawn_mm(half_pupil, waves), glow.size_mm * particle.size);
+        let ((half, light), size) = (self.drawn_mm(half_pupil), glow.size_mm * particle.size);
         let [low, high] = self.bounds_px(particle, size);
         if self.draw_coherent(glow, particle, (low, high), tally) {
             return;
@@ -264,7 +225,7 @@ impl Instrument {
                     let LensRay { array_mm, aperture_mm } = ray.unwrap_or_default();
                     [x[i], y[i], u[i], v[i]] = [array_mm.x, array_mm.y, aperture_mm.x, aperture_mm.y];
                 }
-                self.finish(&mut flight, (n, start + first), &way, tally);
+                self.finish(&mut flight, (n, start + first), tally);
                 continue;
             }
             for i in 0..n {
@@ -273,7 +234,7 @@ impl Instrument {
                     self.optics.array_from_object(point, z_mm, aperture) + self.aberration_mm(point, z_mm, aperture);
                 (x[i], y[i]) = (hit.x, hit.y);
             }
-            self.finish(&mut flight, (n, start + first), &way, tally);
+            self.finish(&mut flight, (n, start + first), tally);
         }
     }
 
@@ -288,8 +249,7 @@ impl Instrument {
     /// Casts the rays through one row of white cells and counts them in `tally`.
     #[inline(always)]
     pub(super) fn cast_row(&self, samples: &Samples, cells: &WhiteCells, row: usize, seed: u64, tally: &mut Tally) {
-        let (half, light) = self.drawn_mm(self.optics.half_aperture_mm, None);
-        let way = Way { blur: self.blur.as_ref(), shown: None };
+        let (half, light) = self.drawn_mm(self.optics.half_aperture_mm);
         let top_mm = cells.corner_mm.y + row as f64 * cells.cell_mm.y;
         let reach_px = self.row_reach_px();
         let edge_px = |y_mm: f64| self.optics.place_px(DVec2::new(0.0, y_mm)).y;
@@ -316,14 +276,14 @@ impl Instrument {
                         blocked[i] = !lens.lets_through(DVec2::new(x[i], y[i]), DVec2::new(u[i], v[i]));
                     }
                 }
-                self.finish(&mut flight, (n, start + first), &way, tally);
+                self.finish(&mut flight, (n, start + first), tally);
             }
         }
     }
 
     /// Takes rays from the array to the sensor and counts them. `sample` is the number of the first ray.
     #[inline(always)]
-    fn finish(&self, flight: &mut Flight, (n, sample): (usize, usize), way: &Way, tally: &mut Tally) {
+    fn finish(&self, flight: &mut Flight, (n, sample): (usize, usize), tally: &mut Tally) {
         let Flight { u, v, x, y, blocked, column, row } = flight;
         let is_cut = self.second_stop.is_some() || !self.blades.is_empty();
         if is_cut {
@@ -332,28 +292,11 @@ impl Instrument {
                 blocked[i] = self.thick_lens.is_some() && blocked[i] || !self.passes_stops(array, aperture);
             }
         }
-        if let Some(shown) = &way.shown {
-            let is_round = self.aperture == Shape::Disc;
-            for i in 0..n {
-                let (array, aperture) = (DVec2::new(x[i], y[i]), DVec2::new(u[i], v[i]));
-                let centre = self.optics.lattice().nearest_centre_mm(array);
-                let hit = shown.moves_mm(array - centre);
-                // A thick lens has cut its rays before.
-                if self.thick_lens.is_none() {
-                    let place = aperture - hit / self.optics.demagnification;
-                    let share = shown.waves.passed(place, self.optics.half_aperture_mm, is_round);
-                    blocked[i] = is_cut && blocked[i] || ((sample + i) as f64 * GOLDEN).fract() >= share;
-                }
-                let hit = hit + self.optics.sensor_through(centre, array, aperture);
-                (x[i], y[i]) = (hit.x, hit.y);
-            }
-        } else {
-            for i in 0..n {
-                let hit = self.optics.sensor_from_array(DVec2::new(x[i], y[i]), DVec2::new(u[i], v[i]));
-                (x[i], y[i]) = (hit.x, hit.y);
-            }
+        for i in 0..n {
+            let hit = self.optics.sensor_from_array(DVec2::new(x[i], y[i]), DVec2::new(u[i], v[i]));
+            (x[i], y[i]) = (hit.x, hit.y);
         }
-        if let Some(pattern) = way.blur {
+        if let Some(pattern) = &self.blur {
             pattern.deflect(sample, &mut x[..n], &mut y[..n]);
         }
         let corner = DVec2::new(tally.left as f64, tally.top as f64);
@@ -361,7 +304,7 @@ impl Instrument {
             let place = (self.optics.place_px(DVec2::new(x[i], y[i])) - corner).floor();
             (column[i], row[i]) = (place.x as i32, place.y as i32);
         }
-        if is_cut || self.thick_lens.is_some() || way.shown.is_some() {
+        if is_cut || self.thick_lens.is_some() {
             for i in 0..n {
                 if blocked[i] {
                     column[i] = i32::MIN;

@@ -12,7 +12,6 @@ mod second_stop;
 mod sources;
 mod tally;
 mod thick_lens;
-mod waves;
 
 pub use diffraction::Diffraction;
 pub use instrument::Instrument;

@@ -48,8 +48,9 @@ pub struct CameraView<'a> {
     pub flat: Option<&'a Array2<f32>>,
     /// Expected counts of each pixel of the image.
     pub(crate) expected: Vec<f32>,
-    /// Far light of diffraction in the expected counts. A pass over the particles holds it. None if nothing diffracts.
-    pub(crate) halo: Option<Vec<f32>>,
+    /// Expected counts beside those of particles' images, which a pass over the particles holds: the far light of
+    /// diffraction, or what waves at the rim of the stop add. None if nothing diffracts.
+    pub(crate) held: Option<Vec<f32>>,
 }
 
 /// Particles may leave the depths of the volume by this number of pixels of the focal plane.
@@ -92,7 +93,7 @@ impl<'a> CameraView<'a> {
             shared: 0,
             pixel_mm: camera.pixel_in_focus_mm(),
             depth_mm,
-            halo: model.halo().map(|_| vec![0.0; image.len()]),
+            held: (model.halo().is_some() || model.follows_waves()).then(|| vec![0.0; image.len()]),
             model,
             image: image.clone(),
             defects: Defects::default(),
@@ -105,7 +106,7 @@ impl<'a> CameraView<'a> {
     pub(crate) fn reshaped(&self, shape: Shape, depth_mm: [f64; 2]) -> Result<Self, Refusal> {
         let model = shape.model_after(&self.model, self.camera, depth_mm)?;
         let (image, defects) = (self.image.clone(), self.defects.clone());
-        Ok(Self { shape, depth_mm, model, image, defects, expected: Vec::new(), halo: None, ..*self })
+        Ok(Self { shape, depth_mm, model, image, defects, expected: Vec::new(), held: None, ..*self })
     }
 
     /// Takes a shape and its standard uncertainties.
@@ -118,12 +119,12 @@ impl<'a> CameraView<'a> {
     /// Forgets all expected counts.
     pub(crate) fn darken(&mut self) {
         self.expected.fill(0.0);
-        self.halo.iter_mut().for_each(|light| light.fill(0.0));
+        self.held.iter_mut().for_each(|light| light.fill(0.0));
     }
 
     /// Spreads the far light of diffraction anew, around the light that is expected now.
     pub(crate) fn spread_halo(&mut self) {
-        let (Some(light), Some(halo)) = (&mut self.halo, self.model.halo()) else { return };
+        let (Some(light), Some(halo)) = (&mut self.held, self.model.halo()) else { return };
         self.expected.iter_mut().zip(&*light).for_each(|(expected, far)| *expected -= far);
         *light = halo.around(&self.expected, self.image.ncols());
         self.expected.iter_mut().zip(&*light).for_each(|(expected, far)| *expected += far);

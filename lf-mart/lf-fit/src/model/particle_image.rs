@@ -84,6 +84,26 @@ impl ParticleImage {
         Self::render(cameras, particle, window, scratch, Quantities::Light)
     }
 
+    /// Adds to a window what waves at the rim of the stop add to the light of a particle.
+    pub(crate) fn add_rest(cameras: &Cameras, particle: &Particle, window: &mut Window, scratch: &mut Scratch) {
+        for (view, part) in cameras.views.iter().zip(&window.parts) {
+            let Particle { place_mm, light, log_size } = view.seen(particle);
+            view.model.visit_rest(place_mm, log_size.exp(), scratch, |patch, pixels| {
+                for (n, pixel) in pixels.iter().enumerate() {
+                    let column = patch.column as usize + n % patch.columns as usize;
+                    let row = patch.row as usize + n / patch.columns as usize;
+                    let is_in = (part.left..part.left + part.columns).contains(&column)
+                        && (part.top..part.top + part.rows).contains(&row);
+                    if is_in {
+                        let share = view.flat.map_or(1.0, |flat| flat[(row, column)].max(0.0));
+                        let at = part.start + (row - part.top) * window.columns + column - part.left;
+                        window.light[at] += light as f32 * share * pixel[0];
+                    }
+                }
+            });
+        }
+    }
+
     /// Renders some quantities of a particle in each camera.
     pub(crate) fn render(
         cameras: &Cameras,

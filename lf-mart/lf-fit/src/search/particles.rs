@@ -153,6 +153,37 @@ impl<'a> Particles<'a> {
     /// Renders all particles anew.
     pub(crate) fn render(&mut self) {
         self.cameras.views.iter_mut().for_each(CameraView::darken);
+        self.draw(|cameras, particle, window, scratch| {
+            let image = ParticleImage::light(cameras, particle, window, scratch);
+            image.add_to(&mut window.light, window.columns, 1.0);
+        });
+        self.hold();
+    }
+
+    /// Finds anew the light that passes hold.
+    fn hold(&mut self) {
+        self.cameras.views.iter_mut().for_each(CameraView::spread_halo);
+        if !self.cameras.views.iter().any(|view| view.model.follows_waves()) {
+            return;
+        }
+        let alone = |view: &mut CameraView| {
+            let held = view.held.iter().flatten().filter(|_| view.model.follows_waves());
+            view.expected.iter_mut().zip(held).for_each(|(expected, held)| *expected -= held);
+            std::mem::replace(&mut view.expected, vec![0.0; view.image.len()])
+        };
+        let images: Vec<Vec<f32>> = self.cameras.views.iter_mut().map(alone).collect();
+        self.draw(ParticleImage::add_rest);
+        for (view, image) in self.cameras.views.iter_mut().zip(images) {
+            let rest = std::mem::replace(&mut view.expected, image);
+            view.expected.iter_mut().zip(&rest).for_each(|(expected, rest)| *expected += rest);
+            if view.model.follows_waves() {
+                view.held = Some(rest);
+            }
+        }
+    }
+
+    /// Adds to the expected counts what `draw` adds to a window for each particle.
+    fn draw(&mut self, draw: impl Fn(&Cameras, &Particle, &mut Window, &mut Scratch) + Sync) {
         let TilePlan { windows, members, .. } = self.plan();
         let tasks: Vec<_> = windows.iter().zip(&members).collect();
         for tasks in tasks.chunks(AT_ONCE) {
@@ -162,8 +193,7 @@ impl<'a> Particles<'a> {
                     let mut window = Window::cut(&self.cameras.views, rectangles);
                     window.light.fill(0.0);
                     for n in *members {
-                        let image = ParticleImage::light(&self.cameras, &self.list[*n], &window, &mut buffers.scratch);
-                        image.add_to(&mut window.light, window.columns, 1.0);
+                        draw(&self.cameras, &self.list[*n], &mut window, &mut buffers.scratch);
                     }
                     window
                 })
@@ -174,7 +204,6 @@ impl<'a> Particles<'a> {
                 });
             }
         }
-        self.cameras.views.iter_mut().for_each(CameraView::spread_halo);
     }
 
     /// Wakes the particles for which this holds, and lets the others sleep.
@@ -232,7 +261,7 @@ impl<'a> Particles<'a> {
                 }
             }
         }
-        self.cameras.views.iter_mut().for_each(CameraView::spread_halo);
+        self.hold();
     }
 
     /// Fits all particles once. Returns the fall of -2 log L.

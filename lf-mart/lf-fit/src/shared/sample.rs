@@ -122,9 +122,10 @@ impl SamplePart {
             }
             *light = *stray;
         }
-        if let (Some(halo), true) = (&view.halo, own.first().model.halo().is_some()) {
+        let is_held = own.first().model.halo().is_some() || own.first().model.follows_waves();
+        if let (Some(held), true) = (&view.held, is_held) {
             for (n, light) in window.light.iter_mut().enumerate() {
-                *light += halo[(low[1] + n / window.columns) * size[0] + low[0] + n % window.columns];
+                *light += held[(low[1] + n / window.columns) * size[0] + low[0] + n % window.columns];
             }
         }
         Self { window, particles, places }

@@ -1,0 +1,233 @@
+//! A lenslet's image of a particle in waves, where the rim of the stop takes part.
+//!
+//! The wave on the lenslet's cell is curved, and behind the rim it has the factor V (`stop_wave.rs`). The sensor sees
+//! the far field of the cell and the wave. With places xi on the cell in pitches, and s on the sensor in lambda g / p
+//! from the middle of the cell's shadow:
+//!
+//! ```text
+//! E(s) = integral over the cell of V(w + b' xi) exp(-i pi b xi^2 + 2 pi i xi s) dxi,   light = b^2 |E|^2
+//! ```
+//!
+//! b is the width of a pitch's shadow on the sensor, b' that in the image of the stop, and w the place in the image of
+//! the stop from which light comes to the middle of the cell. The integral is a sum over nodes (`cell_nodes.rs`). It is
+//! taken at samples of each pixel, which the pixel, the blur and the spot then smooth.
+
+use super::cell_nodes::CellNodes;
+use super::fine_light::FineLight;
+use super::lenslet_image::{LensletImage, Listed, Patch, Scratch};
+use super::lenslet_lines::LensletLine;
+use super::pictures::LANES;
+use super::quantities::LIGHT;
+use super::sensor_blur::SensorBlur;
+use super::stop_wave::{EdgeWave, SHADOWS, StopWaves};
+use super::wave_buffers::{WaveBuffers, quick_turn};
+use crate::simd::fastest;
+use glam::DVec2;
+
+/// Nodes along a cell for each turn of a wave between its ends, and more.
+const NODES_A_TURN: f64 = 1.3;
+const MORE_NODES: f64 = 4.0;
+/// A spot with a smaller standard deviation on the sensor, px, only spreads light. A wider one is made of points, which
+/// lie this far apart in its standard deviations.
+const NARROW_PX: f64 = 0.16;
+const APART_POINTS: f64 = 1.732;
+/// A lenslet's wave. Lengths on the sensor are in lambda g / p.
+struct CellWave<'a> {
+    /// b and b' along both axes.
+    shadow: [f32; 2],
+    stop_shadow: [f32; 2],
+    /// w.
+    place: [f32; 2],
+    stop: &'a StopWaves,
+    edge: &'a EdgeWave,
+    /// From distances to those of the table.
+    to_table: f32,
+    /// The first sample, from the middle of the shadow, and the step to the next one.
+    first: [f32; 2],
+    step: f32,
+    /// From the squared sum to light.
+    scale: f32,
+}
+
+impl<T: Listed> LensletImage<'_, T> {
+    /// Finds the light of a lenslet's pixels. The outer option is None if the particle is too near to focus, or waves
+    /// are not followed.
+    #[inline(always)]
+    pub(super) fn coherent(
+        &self,
+        blur: &SensorBlur,
+        line: &LensletLine,
+        scratch: &mut Scratch,
+    ) -> Option<Option<Patch>> {
+        let cell = self.view.pictures.as_ref()?.waves.as_ref()?;
+        let (axes, alpha) = self.axes(line);
+        let (unit, pitch) = (cell.unit_px, self.view.pitch_mm);
+        let in_stop = [0, 1].map(|n| axes[n].kappa / alpha[n]);
+        let (growths, growth) = Self::growths(&axes, alpha);
+        let stop_shadow = in_stop.map(|growth| growth.abs() * pitch / unit);
+        let shadow = [0, 1].map(|n| growths[n] * in_stop[n].signum() * pitch / unit);
+        let most = shadow.iter().chain(&stop_shadow).fold(0f64, |most, b| most.max(b.abs()));
+        if !(most < SHADOWS[1] && stop_shadow[0].min(stop_shadow[1]) > SHADOWS[0]) {
+            return None;
+        }
+
+        // Points of a particle shift the wave on the array, and the rim stays where it is.
+        let spot_px = self.spot_mm * growth;
+        let apart_mm = if spot_px < NARROW_PX { 0.0 } else { self.spot_mm * APART_POINTS };
+        let rest_px = (spot_px * spot_px - (apart_mm * growth).powi(2) / 3.0).max(0.0).sqrt();
+        let spread_px = blur.own_px.hypot(rest_px);
+        let sensor = scratch.waves.take_samples(unit, spread_px);
+        let middle = [0, 1].map(|n| axes[n].zero + growths[n] * axes[n].chief);
+        let fringes = cell.fringes_px();
+        // The pixels between whose edges light falls on samples.
+        let lit = |n: usize| {
+            let shadow = (self.view.corner[n] + apart_mm) * growths[n].abs().max(in_stop[n].abs()) + fringes;
+            let stop = self.view.optics.half_aperture_mm * axes[n].slope.abs() + fringes;
+            let low = (middle[n] - shadow).max(axes[n].zero - stop).floor() as i64;
+            let high = (middle[n] + shadow).min(axes[n].zero + stop).ceil() as i64;
+            let beyond = sensor.reach as i64;
+            let (first, end) = (low.max(-beyond), high.min(axes[n].pixels as i64 + beyond));
+            (first < end).then_some((first, end))
+        };
+        let patch = if let (Some(across), Some(down)) = (lit(0), lit(1)) {
+            let first = [across.0, down.0];
+            let [columns, rows] = [across, down].map(|(first, end)| (end - first) as usize);
+            let (edge, to_table) = cell.stop.beside_rim(0.5 * (stop_shadow[0] + stop_shadow[1]));
+            let step = 1.0 / (sensor.parts as f64 * unit);
+            let at = [0, 1].map(|n| (first[n] as f64 - middle[n]) / unit + 0.5 * step);
+            let singles = |numbers: [f64; 2]| numbers.map(|number| number as f32);
+            let mut wave = CellWave {
+                shadow: singles(shadow),
+                stop_shadow: singles(stop_shadow),
+                place: singles([0, 1].map(|n| in_stop[n] * axes[n].chief / unit)),
+                stop: &cell.stop,
+                edge,
+                to_table,
+                first: singles(at),
+                step: step as f32,
+                scale: (blur.share * (pitch / unit).powi(2) / ((alpha.x * alpha.y).abs() * self.view.stop_mm2)) as f32,
+            };
+            let end = |n: usize| at[n] + ([columns, rows][n] * sensor.parts) as f64 * step;
+            let farthest = (0..2).fold(0f64, |far, n| far.max(at[n].abs()).max(end(n).abs()));
+            let nodes = cell.nodes((NODES_A_TURN * (farthest + farthest.min(0.5 * most)) + MORE_NODES) as usize);
+            let Scratch { waves: buffers, fine, .. } = scratch;
+            fine.begin(&sensor, [columns, rows], LIGHT);
+            let (middle, place, scale) = (wave.first, wave.place, wave.scale);
+            for (at, share) in points(apart_mm) {
+                for n in 0..2 {
+                    wave.first[n] = middle[n] - (growths[n] * at[n] / unit) as f32;
+                    wave.place[n] = place[n] + (in_stop[n] * at[n] / unit) as f32;
+                }
+                wave.scale = share * scale;
+                wave.fill(nodes, [columns, rows].map(|count| count * sensor.parts), buffers, fine);
+            }
+            let wide = [columns + 2 * sensor.reach, rows + 2 * sensor.reach];
+            sensor.smooth(fine, wide[1], false);
+            self.hand_out::<LIGHT>((first, sensor.reach as i64), wide, scratch)
+        } else {
+            None
+        };
+        scratch.waves.samples = Some((spread_px, sensor));
+        Some(patch)
+    }
+}
+
+impl CellWave<'_> {
+    /// Fills samples with light.
+    #[inline(never)]
+    fn fill(&self, nodes: &CellNodes, samples: [usize; 2], buffers: &mut WaveBuffers, light: &mut FineLight) {
+        fastest(
+            #[inline(always)]
+            || self.fill_samples(nodes, samples, buffers, light),
+        );
+    }
+
+    #[inline(always)]
+    fn fill_samples(
+        &self,
+        nodes: &CellNodes,
+        [columns, rows]: [usize; 2],
+        buffers: &mut WaveBuffers,
+        light: &mut FineLight,
+    ) {
+        let eights = columns.div_ceil(LANES);
+        buffers.turn(nodes, self.step, eights);
+        let WaveBuffers { turns, down, nodes: waves, rows: sums, line, .. } = buffers;
+        waves.resize(nodes.across, (0.0, 0.0));
+        sums.clear();
+        for (row, y) in nodes.y.iter().enumerate() {
+            let own = row * nodes.across..(row + 1) * nodes.across;
+            self.at_nodes(*y, (&nodes.x[own.clone()], &nodes.weights[own]), waves);
+            let start = if nodes.is_even { 0 } else { row * nodes.across };
+            for eight in 0..eights {
+                let mut sum = [[0f32; LANES]; 2];
+                for (node, (a, b)) in waves.iter().enumerate() {
+                    let [re, im] = &turns[(start + node) * eights + eight];
+                    for k in 0..LANES {
+                        sum[0][k] += a * re[k] - b * im[k];
+                        sum[1][k] += a * im[k] + b * re[k];
+                    }
+                }
+                sums.push(sum);
+            }
+        }
+        line.resize(eights * LANES, 0.0);
+        for sample in 0..rows {
+            let at = self.step * sample as f32;
+            down.clear();
+            down.extend(nodes.y.iter().map(|y| quick_turn(y * at)));
+            for (eight, line) in line.chunks_exact_mut(LANES).enumerate() {
+                let mut sum = [[0f32; LANES]; 2];
+                for (row, (re, im)) in down.iter().enumerate() {
+                    let [a, b] = &sums[row * eights + eight];
+                    for k in 0..LANES {
+                        sum[0][k] += a[k] * re - b[k] * im;
+                        sum[1][k] += a[k] * im + b[k] * re;
+                    }
+                }
+                for k in 0..LANES {
+                    line[k] = self.scale * (sum[0][k] * sum[0][k] + sum[1][k] * sum[1][k]);
+                }
+            }
+            light.add_row(sample, &line[..columns]);
+        }
+    }
+
+    /// Waves at the nodes of a row as the first sample sees them.
+    #[inline(always)]
+    fn at_nodes(&self, y: f32, (x, weights): (&[f32], &[f32]), waves: &mut [(f32, f32)]) {
+        let [bx, by] = self.shadow;
+        let turned_y = y * self.first[1] - 0.5 * by * y * y;
+        let v = self.place[1] + self.stop_shadow[1] * y;
+        for ((wave, x), weight) in waves.iter_mut().zip(x).zip(weights) {
+            let (c, d) = quick_turn(turned_y + x * self.first[0] - 0.5 * bx * x * x);
+            let (a, b) = self.behind_stop(self.place[0] + self.stop_shadow[0] * x, v);
+            *wave = (weight * (a * c - b * d), weight * (a * d + b * c));
+        }
+    }
+
+    /// The wave behind a place in the stop.
+    #[inline(always)]
+    fn behind_stop(&self, u: f32, v: f32) -> (f32, f32) {
+        let half = self.stop.half as f32;
+        let beside = |inside: f32| self.edge.at(inside * self.to_table);
+        if self.stop.is_round {
+            return beside(half - (u * u + v * v).sqrt());
+        }
+        // A square stop has two rims along each axis.
+        let along = |u: f32| {
+            let (near, far) = (beside(half - u.abs()), beside(half + u.abs()));
+            (near.0 + far.0 - 1.0, near.1 + far.1)
+        };
+        let ((a, b), (c, d)) = (along(u), along(v));
+        (a * c - b * d, a * d + b * c)
+    }
+}
+
+/// Points of a particle, mm on the array, and their shares of its light. Their variance is a third of `apart_mm`^2.
+fn points(apart_mm: f64) -> impl Iterator<Item = (DVec2, f32)> {
+    let along = [(-apart_mm, 1.0 / 6.0), (0.0, 2.0 / 3.0), (apart_mm, 1.0 / 6.0)];
+    let all = along.into_iter().flat_map(move |(x, a)| along.map(|(y, b)| (DVec2::new(x, y), (a * b) as f32)));
+    let one = std::iter::once((DVec2::ZERO, 1.0));
+    all.filter(move |_| apart_mm > 0.0).chain(one.filter(move |_| apart_mm == 0.0))
+}
