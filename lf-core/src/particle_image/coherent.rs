@@ -24,13 +24,16 @@ use super::wave_buffers::{WaveBuffers, quick_turn};
 use crate::simd::fastest;
 use glam::DVec2;
 
+/// Light is followed this far beside the shadow and beside the stop, lambda g / p.
+const FAR: f64 = 8.0;
 /// Nodes along a cell for each turn of a wave between its ends, and more.
 const NODES_A_TURN: f64 = 1.3;
 const MORE_NODES: f64 = 4.0;
-/// A spot with a smaller standard deviation on the sensor, px, only spreads light. A wider one is made of points, which
-/// lie this far apart in its standard deviations.
+/// Step of the spread of light, px.
+const SPREAD_STEP_PX: f64 = 1e-3;
+/// A spot with a smaller standard deviation on the sensor, px, only spreads light. A wider one is made of points.
 const NARROW_PX: f64 = 0.16;
-const APART_POINTS: f64 = 1.732;
+
 /// A lenslet's wave. Lengths on the sensor are in lambda g / p.
 struct CellWave<'a> {
     /// b and b' along both axes.
@@ -73,12 +76,12 @@ impl<T: Listed> LensletImage<'_, T> {
 
         // Points of a particle shift the wave on the array, and the rim stays where it is.
         let spot_px = self.spot_mm * growth;
-        let apart_mm = if spot_px < NARROW_PX { 0.0 } else { self.spot_mm * APART_POINTS };
-        let rest_px = (spot_px * spot_px - (apart_mm * growth).powi(2) / 3.0).max(0.0).sqrt();
-        let spread_px = blur.own_px.hypot(rest_px);
+        let (apart_mm, rest_px) = if spot_px < NARROW_PX { (0.0, spot_px) } else { (3f64.sqrt() * self.spot_mm, 0.0) };
+        // Lenslets share their samples.
+        let spread_px = (blur.own_px.hypot(rest_px) / SPREAD_STEP_PX).round() * SPREAD_STEP_PX;
         let sensor = scratch.waves.take_samples(unit, spread_px);
         let middle = [0, 1].map(|n| axes[n].zero + growths[n] * axes[n].chief);
-        let fringes = cell.fringes_px();
+        let fringes = FAR * unit;
         // The pixels between whose edges light falls on samples.
         let lit = |n: usize| {
             let shadow = (self.view.corner[n] + apart_mm) * growths[n].abs().max(in_stop[n].abs()) + fringes;
@@ -107,8 +110,8 @@ impl<T: Listed> LensletImage<'_, T> {
                 step: step as f32,
                 scale: (blur.share * (pitch / unit).powi(2) / ((alpha.x * alpha.y).abs() * self.view.stop_mm2)) as f32,
             };
-            let end = |n: usize| at[n] + ([columns, rows][n] * sensor.parts) as f64 * step;
-            let farthest = (0..2).fold(0f64, |far, n| far.max(at[n].abs()).max(end(n).abs()));
+            // All lenslets have the same nodes.
+            let farthest = (0.5 * most + FAR).min(2.0 * (cell.stop.half + FAR)) + 1.0 / unit;
             let nodes = cell.nodes((NODES_A_TURN * (farthest + farthest.min(0.5 * most)) + MORE_NODES) as usize);
             let Scratch { waves: buffers, fine, .. } = scratch;
             fine.begin(&sensor, [columns, rows], LIGHT);
@@ -151,7 +154,7 @@ impl CellWave<'_> {
         light: &mut FineLight,
     ) {
         let eights = columns.div_ceil(LANES);
-        buffers.turn(nodes, self.step, eights);
+        let stride = buffers.turn(nodes, self.step, eights);
         let WaveBuffers { turns, down, nodes: waves, rows: sums, line, .. } = buffers;
         waves.resize(nodes.across, (0.0, 0.0));
         sums.clear();
@@ -162,7 +165,7 @@ impl CellWave<'_> {
             for eight in 0..eights {
                 let mut sum = [[0f32; LANES]; 2];
                 for (node, (a, b)) in waves.iter().enumerate() {
-                    let [re, im] = &turns[(start + node) * eights + eight];
+                    let [re, im] = &turns[(start + node) * stride + eight];
                     for k in 0..LANES {
                         sum[0][k] += a * re[k] - b * im[k];
                         sum[1][k] += a * im[k] + b * re[k];
@@ -224,7 +227,8 @@ impl CellWave<'_> {
     }
 }
 
-/// Points of a particle, mm on the array, and their shares of its light. Their variance is a third of `apart_mm`^2.
+/// Points of a particle, mm on the array, and their shares of its light: one, or Gauss and Hermite's nine of a variance
+/// of a third of `apart_mm`^2.
 fn points(apart_mm: f64) -> impl Iterator<Item = (DVec2, f32)> {
     let along = [(-apart_mm, 1.0 / 6.0), (0.0, 2.0 / 3.0), (apart_mm, 1.0 / 6.0)];
     let all = along.into_iter().flat_map(move |(x, a)| along.map(|(y, b)| (DVec2::new(x, y), (a * b) as f32)));

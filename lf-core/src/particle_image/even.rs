@@ -64,13 +64,6 @@ impl<T: Listed> LensletImage<'_, T> {
         far < optics.half_aperture_mm
     }
 
-    /// Whether the stop cuts nothing of a lenslet's light.
-    #[inline(always)]
-    pub(super) fn is_whole(&self, line: &LensletLine) -> bool {
-        let (axes, alpha) = self.axes(line);
-        self.is_inside_stop(&axes, alpha)
-    }
-
     /// Fills the scratch's pixels with all quantities where rays are straight and the stop cuts nothing: as on a sharp
     /// sensor, with a wider spot. The outer option is None if rays bend or the stop cuts something.
     #[inline(always)]

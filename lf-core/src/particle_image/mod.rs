@@ -27,6 +27,9 @@
 //! is less exact where the stop cuts a lenslet's light. The light that diffraction sends far is not in a particle's
 //! image: see [`crate::halo`].
 //!
+//! Where lenslets show Fresnel's pattern, the waves of the stop and of the cell are one. `coherent.rs` sums them, and
+//! [`ParticleModel::visit_rest`] has what that adds to the light of the fast images.
+//!
 //! Simplifications: a spot's own width does not move the pixels' edges on the stop (it does by 0.001 px in focus, by
 //! 0.02 px with a gap that is a fortieth too long), and distortion does not stretch the spot into an ellipse.
 

@@ -211,8 +211,8 @@ impl ParticleModel {
         self.draw((LIGHT, false), place_mm, size, scratch, &mut |patch, scratch| found(patch, &scratch.places));
     }
 
-    /// Visits what waves at the rim of the stop add to [`Self::visit_light`], positive and negative. That is nothing if
-    /// waves are not followed, and takes ten times as long if they are.
+    /// Visits what waves at the rim of the stop, and far light, add to [`Self::visit_light`], positive and negative.
+    /// That is nothing if waves are not followed, and takes ten to fifty times as long if they are.
     pub fn visit_rest(
         &self,
         place_mm: [f64; 3],
@@ -290,8 +290,7 @@ impl ParticleModel {
             }
             if is_rest {
                 let Some(blur) = &self.view.blur else { continue };
-                let exact = if image.is_whole(line) { None } else { image.coherent(blur, line, scratch) };
-                let Some(patch) = exact else { continue };
+                let Some(patch) = image.coherent(blur, line, scratch) else { continue };
                 patch.into_iter().for_each(|patch| found(patch, scratch));
             }
             let by_shift = self.lines.by_shift;

@@ -7,9 +7,6 @@ use std::f32::consts::PI;
 
 /// Samples lie at most this far apart, lambda g / p: a pixel takes no finer detail of the light for a coarse one.
 const APART: f64 = 0.75;
-/// Spreads of light that differ by less than this share are one.
-const ALIKE: f64 = 1e-6;
-
 /// Complex numbers: the real parts of eight, and the imaginary parts.
 pub(super) type Eight = [[f32; LANES]; 2];
 
@@ -18,10 +15,10 @@ pub(super) type Eight = [[f32; LANES]; 2];
 pub(super) struct WaveBuffers {
     /// Samples of the sensor for a spread of light, px.
     pub(super) samples: Option<(f64, FineSensor)>,
-    /// Turns of the waves of nodes from sample to sample along x, node by node, and what they were made for: the number
-    /// of nodes along the cell, the step, and eights of samples. Rows with the same x share them.
+    /// Turns of the waves of nodes from sample to sample along x, node by node, and what they were made for: the nodes'
+    /// x, the step, and eights of samples. Rows with the same x share them.
     pub(super) turns: Vec<Eight>,
-    turned: (usize, f32, usize),
+    turned: (Vec<f32>, f32, usize),
     /// Turns of the waves of rows at a sample along y.
     pub(super) down: Vec<(f32, f32)>,
     /// Waves at the nodes of a row, and in rows of nodes at samples along x.
@@ -34,22 +31,22 @@ impl WaveBuffers {
     /// Samples of a sensor with this spread of light, px, where lambda g / p is `unit_px`.
     pub(super) fn take_samples(&mut self, unit_px: f64, spread_px: f64) -> FineSensor {
         let parts = (1.0 / (APART * unit_px)).ceil() as usize;
-        let is_alike = |spread: f64| (spread - spread_px).abs() <= ALIKE * spread_px;
-        let known = self.samples.take().filter(|(spread, sensor)| sensor.parts == parts && is_alike(*spread));
+        let known = self.samples.take().filter(|(spread, sensor)| sensor.parts == parts && *spread == spread_px);
         known.map_or_else(|| FineSensor::of_samples(parts, spread_px), |(_, sensor)| sensor)
     }
 
-    /// Finds the turns of nodes.
+    /// Finds the turns of nodes for some eights of samples. Gives the number of eights of a node, which may be larger.
     #[inline(always)]
-    pub(super) fn turn(&mut self, nodes: &CellNodes, step: f32, eights: usize) {
-        let wanted = (nodes.across, step, eights);
-        if self.turned == wanted {
-            return;
-        }
-        self.turned = wanted;
-        self.turns.clear();
+    pub(super) fn turn(&mut self, nodes: &CellNodes, step: f32, eights: usize) -> usize {
         let rows = if nodes.is_even { 1 } else { nodes.y.len() };
-        for x in &nodes.x[..rows * nodes.across] {
+        let wanted = &nodes.x[..rows * nodes.across];
+        let (x, known_step, known) = &self.turned;
+        if x == wanted && *known_step == step && *known >= eights {
+            return *known;
+        }
+        self.turned = (wanted.to_vec(), step, eights);
+        self.turns.clear();
+        for x in wanted {
             for eight in 0..eights {
                 let mut turns = [[0f32; LANES]; 2];
                 for k in 0..LANES {
@@ -58,6 +55,7 @@ impl WaveBuffers {
                 self.turns.push(turns);
             }
         }
+        eights
     }
 }
 

@@ -432,7 +432,8 @@ fn fresnels_pattern_is_found_and_said() {
         let [far, open, named] =
             [Some(LensletPattern::Fraunhofer), None, Some(LensletPattern::Fresnel)].map(&mut measure);
         for [off_mm, size_px] in [open, named] {
-            assert!(off_mm < 0.00149 && off_mm < 0.9 * far[0], "{layout}: {far:?} {open:?} {named:?}");
+            // A bias of 1 um away from focus is left, which is as large as the noise.
+            assert!(off_mm < 0.00195 && off_mm < 0.5 * far[0], "{layout}: {far:?} {open:?} {named:?}");
             assert!((size_px - 0.75).abs() < 0.04, "{layout}: {far:?} {open:?} {named:?}");
         }
     }

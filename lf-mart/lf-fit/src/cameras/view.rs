@@ -130,6 +130,21 @@ impl<'a> CameraView<'a> {
         self.expected.iter_mut().zip(&*light).for_each(|(expected, far)| *expected += far);
     }
 
+    /// Puts the light of particles aside where waves are followed, to find what the rim of the stop adds.
+    pub(crate) fn put_aside(&mut self) {
+        let Some(held) = self.held.as_mut().filter(|_| self.model.follows_waves()) else { return };
+        self.expected.iter_mut().zip(&*held).for_each(|(expected, held)| *expected -= held);
+        std::mem::swap(&mut self.expected, held);
+        self.expected.fill(0.0);
+    }
+
+    /// Takes the light of particles back, and holds what was found.
+    pub(crate) fn take_back(&mut self) {
+        let Some(held) = self.held.as_mut().filter(|_| self.model.follows_waves()) else { return };
+        std::mem::swap(&mut self.expected, held);
+        self.expected.iter_mut().zip(&*held).for_each(|(expected, held)| *expected += held);
+    }
+
     /// Columns and rows of its sensor.
     pub(crate) fn size(&self) -> [usize; 2] {
         [self.image.ncols(), self.image.nrows()]

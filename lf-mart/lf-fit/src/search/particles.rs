@@ -163,22 +163,10 @@ impl<'a> Particles<'a> {
     /// Finds anew the light that passes hold.
     fn hold(&mut self) {
         self.cameras.views.iter_mut().for_each(CameraView::spread_halo);
-        if !self.cameras.views.iter().any(|view| view.model.follows_waves()) {
-            return;
-        }
-        let alone = |view: &mut CameraView| {
-            let held = view.held.iter().flatten().filter(|_| view.model.follows_waves());
-            view.expected.iter_mut().zip(held).for_each(|(expected, held)| *expected -= held);
-            std::mem::replace(&mut view.expected, vec![0.0; view.image.len()])
-        };
-        let images: Vec<Vec<f32>> = self.cameras.views.iter_mut().map(alone).collect();
-        self.draw(ParticleImage::add_rest);
-        for (view, image) in self.cameras.views.iter_mut().zip(images) {
-            let rest = std::mem::replace(&mut view.expected, image);
-            view.expected.iter_mut().zip(&rest).for_each(|(expected, rest)| *expected += rest);
-            if view.model.follows_waves() {
-                view.held = Some(rest);
-            }
+        if self.cameras.views.iter().any(|view| view.model.follows_waves()) {
+            self.cameras.views.iter_mut().for_each(CameraView::put_aside);
+            self.draw(ParticleImage::add_rest);
+            self.cameras.views.iter_mut().for_each(CameraView::take_back);
         }
     }
 
