@@ -407,7 +407,7 @@ fn fresnels_pattern_is_found_and_said() {
         let blur = r#"camera.blur={"wavelength_nm": 532, "sigma_px": 0.3, "pattern": "fresnel"}"#;
         let noise = r#"sensor_noise={"photon_noise": true, "read_noise_electrons": 3}"#;
         let turn = "camera.microlenses.rotation_rad=0.003";
-        let bench = bench(&[&layout, turn, blur, noise, "particles.rays=400000"]);
+        let bench = bench(&[&layout, turn, blur, noise, "particles.per_lenslet=0.2"]);
         let truth = table(&bench, "scene/particles.csv");
         let mut camera = Camera::open(&bench.path("scene/camera.json")).unwrap();
         // Median error of depth, mm, and the size, px.
