@@ -1,7 +1,7 @@
 //! The parts of one camera's sensor from which the shape is found, and the particles that they see.
 
 use crate::cameras::shape::{Free, Shape};
-use crate::cameras::view::Cameras;
+use crate::cameras::view::{CameraView, Cameras};
 use crate::model::particle_image::ParticleImage;
 use crate::model::window::{Rectangle, Window};
 use crate::particle::Particle;
@@ -122,8 +122,9 @@ impl SamplePart {
             }
             *light = *stray;
         }
-        let is_held = own.first().model.halo().is_some() || own.first().model.follows_waves();
-        if let (Some(held), true) = (&view.held, is_held) {
+        // Another pattern has other light there.
+        let pattern = |view: &CameraView| (view.model.halo().is_some(), view.model.follows_waves());
+        if let (Some(held), true) = (&view.held, pattern(own.first()) == pattern(view)) {
             for (n, light) in window.light.iter_mut().enumerate() {
                 *light += held[(low[1] + n / window.columns) * size[0] + low[0] + n % window.columns];
             }
