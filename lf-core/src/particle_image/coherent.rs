@@ -29,7 +29,7 @@ const FAR: f64 = 8.0;
 /// Nodes along a cell for each turn of a wave between its ends, and more.
 const NODES_A_TURN: f64 = 1.3;
 const MORE_NODES: f64 = 4.0;
-/// Step of the spread of light, px.
+/// The spread of light is rounded to this step, px, so that all lenslets of a particle have the same one.
 const SPREAD_STEP_PX: f64 = 1e-3;
 /// A spot with a smaller standard deviation on the sensor, px, only spreads light. A wider one is made of points.
 const NARROW_PX: f64 = 0.16;
@@ -39,16 +39,16 @@ struct CellWave<'a> {
     /// b and b' along both axes.
     shadow: [f32; 2],
     stop_shadow: [f32; 2],
-    /// w.
+    /// The place in the image of the stop from which light comes to the middle of the cell: w.
     place: [f32; 2],
     stop: &'a StopWaves,
     edge: &'a EdgeWave,
-    /// From distances to those of the table.
+    /// Factor that turns a distance into one of the table.
     to_table: f32,
     /// The first sample, from the middle of the shadow, and the step to the next one.
     first: [f32; 2],
     step: f32,
-    /// From the squared sum to light.
+    /// Factor that turns the squared sum into light.
     scale: f32,
 }
 
@@ -77,7 +77,6 @@ impl<T: Listed> LensletImage<'_, T> {
         // Points of a particle shift the wave on the array, and the rim stays where it is.
         let spot_px = self.spot_mm * growth;
         let (apart_mm, rest_px) = if spot_px < NARROW_PX { (0.0, spot_px) } else { (3f64.sqrt() * self.spot_mm, 0.0) };
-        // Lenslets share their samples.
         let spread_px = (blur.own_px.hypot(rest_px) / SPREAD_STEP_PX).round() * SPREAD_STEP_PX;
         let sensor = scratch.waves.take_samples(unit, spread_px);
         let middle = [0, 1].map(|n| axes[n].zero + growths[n] * axes[n].chief);
@@ -110,7 +109,7 @@ impl<T: Listed> LensletImage<'_, T> {
                 step: step as f32,
                 scale: (blur.share * (pitch / unit).powi(2) / ((alpha.x * alpha.y).abs() * self.view.stop_mm2)) as f32,
             };
-            // All lenslets have the same nodes.
+            // All lenslets of a particle take as many nodes, and so share the turns of these.
             let farthest = (0.5 * most + FAR).min(2.0 * (cell.stop.half + FAR)) + 1.0 / unit;
             let nodes = cell.nodes((NODES_A_TURN * (farthest + farthest.min(0.5 * most)) + MORE_NODES) as usize);
             let Scratch { waves: buffers, fine, .. } = scratch;
@@ -227,8 +226,8 @@ impl CellWave<'_> {
     }
 }
 
-/// Points of a particle, mm on the array, and their shares of its light: one, or Gauss and Hermite's nine of a variance
-/// of a third of `apart_mm`^2.
+/// Points of a particle, mm on the array, and their shares of its light: one point, or nine that lie `apart_mm` apart.
+/// The nine are the nodes of Gauss and Hermite; their variance is a third of `apart_mm`^2.
 fn points(apart_mm: f64) -> impl Iterator<Item = (DVec2, f32)> {
     let along = [(-apart_mm, 1.0 / 6.0), (0.0, 2.0 / 3.0), (apart_mm, 1.0 / 6.0)];
     let all = along.into_iter().flat_map(move |(x, a)| along.map(|(y, b)| (DVec2::new(x, y), (a * b) as f32)));

@@ -211,8 +211,10 @@ impl ParticleModel {
         self.draw((LIGHT, false), place_mm, size, scratch, &mut |patch, scratch| found(patch, &scratch.places));
     }
 
-    /// Visits what waves at the rim of the stop, and far light, add to [`Self::visit_light`], positive and negative.
-    /// That is nothing if waves are not followed, and takes ten to fifty times as long if they are.
+    /// Visits pixels whose light [`Self::visit_light`] has wrong: waves put other light at the rim of the stop and far
+    /// from the shadow.
+    /// The first number of a pixel is the share of light to add, which may be negative. A model that does not follow
+    /// waves visits no pixel. The visit takes ten to fifty times as long as [`Self::visit_light`].
     pub fn visit_rest(
         &self,
         place_mm: [f64; 3],

@@ -64,7 +64,7 @@ impl WaveBuffers {
 pub(super) fn quick_turn(turns: f32) -> (f32, f32) {
     // Adding this and taking it away leaves the nearest whole number.
     const WHOLE: f32 = 12_582_912.0;
-    // Sums of Taylor of half the angle: they err by 1e-6.
+    // Taylor's series of half the angle, to 1e-6.
     let half = PI * (turns - ((turns + WHOLE) - WHOLE));
     let square = half * half;
     let term = |rest: f32, divisor: f32| 1.0 - square / divisor * rest;

@@ -90,11 +90,7 @@ impl ParticleImage {
             let Particle { place_mm, light, log_size } = view.seen(particle);
             view.model.visit_rest(place_mm, log_size.exp(), scratch, |patch, pixels| {
                 for (n, pixel) in pixels.iter().enumerate() {
-                    let column = patch.column as usize + n % patch.columns as usize;
-                    let row = patch.row as usize + n / patch.columns as usize;
-                    let is_in = (part.left..part.left + part.columns).contains(&column)
-                        && (part.top..part.top + part.rows).contains(&row);
-                    if is_in {
+                    if let Some((row, column)) = part.place(&patch, n) {
                         let share = view.flat.map_or(1.0, |flat| flat[(row, column)].max(0.0));
                         let at = part.start + (row - part.top) * window.columns + column - part.left;
                         window.light[at] += light as f32 * share * pixel[0];
@@ -158,18 +154,15 @@ impl ParticleImage {
         window: &Window,
         scratch: &mut Scratch,
     ) -> (Self, Vec<Slopes>) {
-        let Part { left, top, columns, rows, .. } = window.parts[0];
-        let view = cameras.first();
+        let (part, view) = (&window.parts[0], cameras.first());
         let mut scale = view.shape.scales(view.camera).map(|scale| particle.light * scale);
         // A particle that is larger than others grows more with the size of all.
         scale[0] *= particle.log_size.exp();
         let mut slopes = Vec::new();
         let mut take = |patch: Patch, pixels: &[[f64; QUANTITIES]]| {
             for (n, pixel) in pixels.iter().enumerate() {
-                let column = patch.column as usize + n % patch.columns as usize;
-                let row = patch.row as usize + n / patch.columns as usize;
-                if (left..left + columns).contains(&column) && (top..top + rows).contains(&row) {
-                    let at = (row - top) * columns + column - left;
+                if let Some((row, column)) = part.place(&patch, n) {
+                    let at = (row - part.top) * part.columns + column - part.left;
                     let share = view.flat.map_or(1.0, |flat| f64::from(flat[(row, column)].max(0.0)));
                     slopes.push((at as u32, std::array::from_fn(|k| (share * scale[k] * pixel[PLACES + k]) as f32)));
                 }

@@ -2,6 +2,7 @@
 
 use crate::cameras::noise::Noise;
 use crate::cameras::view::{CameraView, Cameras};
+use lf_core::particle_image::Patch;
 
 /// A rectangle of each sensor, one below the other. All rows are equally long; pixels beyond the end of a rectangle are
 /// blind.
@@ -25,6 +26,17 @@ pub(crate) struct Part {
     pub(crate) columns: usize,
     pub(crate) rows: usize,
     pub(crate) start: usize,
+}
+
+impl Part {
+    /// The row and the column of the sensor on which pixel `n` of a patch lies; None outside the rectangle.
+    pub(crate) fn place(&self, patch: &Patch, n: usize) -> Option<(usize, usize)> {
+        let (row, column) =
+            (patch.row as usize + n / patch.columns as usize, patch.column as usize + n % patch.columns as usize);
+        let is_in =
+            (self.left..self.left + self.columns).contains(&column) && (self.top..self.top + self.rows).contains(&row);
+        is_in.then_some((row, column))
+    }
 }
 
 /// First and end column and row.
