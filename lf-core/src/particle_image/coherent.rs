@@ -22,7 +22,7 @@ use super::sensor_blur::SensorBlur;
 use super::stop_wave::{EdgeWave, SHADOWS, StopWaves};
 use super::wave_buffers::{WaveBuffers, quick_turn};
 use crate::simd::fastest;
-use glam::DVec2;
+use std::f64::consts::{FRAC_1_SQRT_2, TAU};
 
 /// Light is followed this far beside the shadow and beside the stop, lambda g / p.
 const FAR: f64 = 8.0;
@@ -33,6 +33,8 @@ const MORE_NODES: f64 = 4.0;
 const SPREAD_STEP_PX: f64 = 1e-3;
 /// A spot with a smaller standard deviation on the sensor, px, only spreads light. A wider one is made of points.
 const NARROW_PX: f64 = 0.16;
+/// Points of a particle matter up to this many standard deviations.
+const SPOT_SIGMA: f64 = 2.0;
 
 /// A lenslet's wave. Lengths on the sensor are in lambda g / p.
 struct CellWave<'a> {
@@ -74,16 +76,30 @@ impl<T: Listed> LensletImage<'_, T> {
             return None;
         }
 
+        // All lenslets of a particle take as many nodes, and so share the turns of these.
+        let farthest = (0.5 * most + FAR).min(2.0 * (cell.stop.half + FAR)) + 1.0 / unit;
+        let nodes = cell.nodes((NODES_A_TURN * (farthest + farthest.min(0.5 * most)) + MORE_NODES) as usize);
         // Points of a particle shift the wave on the array, and the rim stays where it is.
-        let spot_px = self.spot_mm * growth;
-        let (apart_mm, rest_px) = if spot_px < NARROW_PX { (0.0, spot_px) } else { (3f64.sqrt() * self.spot_mm, 0.0) };
+        let spot_px = self.spot_mm * growth.abs();
+        let is_narrow = spot_px < NARROW_PX;
+        let (beyond_mm, rest_px) = if is_narrow { (0.0, spot_px) } else { (SPOT_SIGMA * self.spot_mm, 0.0) };
         let spread_px = (blur.own_px.hypot(rest_px) / SPREAD_STEP_PX).round() * SPREAD_STEP_PX;
         let sensor = scratch.waves.take_samples(unit, spread_px);
         let middle = [0, 1].map(|n| axes[n].zero + growths[n] * axes[n].chief);
         let fringes = FAR * unit;
+        // Along an axis, the light that the stop's image takes changes with the point only where the cell's edge cuts it.
+        let inner_mm = if nodes.is_even { 0.5 } else { 0.5 * FRAC_1_SQRT_2 } * pitch;
+        let count = |n: usize| {
+            let stop = self.view.optics.half_aperture_mm * axes[n].slope.abs() + SPOT_SIGMA * spot_px + unit;
+            let (low, high) = (axes[n].zero - stop - middle[n], axes[n].zero + stop - middle[n]);
+            let [inner, outer] = [inner_mm, self.view.corner[n]].map(|half_mm| half_mm * growths[n].abs());
+            let is_cut = low.min(-high) < -inner && low < outer && high > -outer;
+            point_count(is_narrow, is_cut, TAU * spot_px / unit)
+        };
+        let points = [0, 1].map(|n| Points::new(count(n), self.spot_mm));
         // The pixels between whose edges light falls on samples.
         let lit = |n: usize| {
-            let shadow = (self.view.corner[n] + apart_mm) * growths[n].abs().max(in_stop[n].abs()) + fringes;
+            let shadow = (self.view.corner[n] + beyond_mm) * growths[n].abs().max(in_stop[n].abs()) + fringes;
             let stop = self.view.optics.half_aperture_mm * axes[n].slope.abs() + fringes;
             let low = (middle[n] - shadow).max(axes[n].zero - stop).floor() as i64;
             let high = (middle[n] + shadow).min(axes[n].zero + stop).ceil() as i64;
@@ -109,19 +125,18 @@ impl<T: Listed> LensletImage<'_, T> {
                 step: step as f32,
                 scale: (blur.share * (pitch / unit).powi(2) / ((alpha.x * alpha.y).abs() * self.view.stop_mm2)) as f32,
             };
-            // All lenslets of a particle take as many nodes, and so share the turns of these.
-            let farthest = (0.5 * most + FAR).min(2.0 * (cell.stop.half + FAR)) + 1.0 / unit;
-            let nodes = cell.nodes((NODES_A_TURN * (farthest + farthest.min(0.5 * most)) + MORE_NODES) as usize);
             let Scratch { waves: buffers, fine, .. } = scratch;
             fine.begin(&sensor, [columns, rows], LIGHT);
             let (middle, place, scale) = (wave.first, wave.place, wave.scale);
-            for (at, share) in points(apart_mm) {
-                for n in 0..2 {
-                    wave.first[n] = middle[n] - (growths[n] * at[n] / unit) as f32;
-                    wave.place[n] = place[n] + (in_stop[n] * at[n] / unit) as f32;
+            for (y, down) in points[1].all() {
+                for (x, across) in points[0].all() {
+                    for (n, at) in [x, y].into_iter().enumerate() {
+                        wave.first[n] = middle[n] - (growths[n] * at / unit) as f32;
+                        wave.place[n] = place[n] + (in_stop[n] * at / unit) as f32;
+                    }
+                    wave.scale = (across * down) as f32 * scale;
+                    wave.fill(nodes, [columns, rows].map(|count| count * sensor.parts), buffers, fine);
                 }
-                wave.scale = share * scale;
-                wave.fill(nodes, [columns, rows].map(|count| count * sensor.parts), buffers, fine);
             }
             let wide = [columns + 2 * sensor.reach, rows + 2 * sensor.reach];
             sensor.smooth(fine, wide[1], false);
@@ -226,11 +241,63 @@ impl CellWave<'_> {
     }
 }
 
-/// Points of a particle, mm on the array, and their shares of its light: one point, or nine that lie `apart_mm` apart.
-/// The nine are the nodes of Gauss and Hermite; their variance is a third of `apart_mm`^2.
-fn points(apart_mm: f64) -> impl Iterator<Item = (DVec2, f32)> {
-    let along = [(-apart_mm, 1.0 / 6.0), (0.0, 2.0 / 3.0), (apart_mm, 1.0 / 6.0)];
-    let all = along.into_iter().flat_map(move |(x, a)| along.map(|(y, b)| (DVec2::new(x, y), (a * b) as f32)));
-    let one = std::iter::once((DVec2::ZERO, 1.0));
-    all.filter(move |_| apart_mm > 0.0).chain(one.filter(move |_| apart_mm == 0.0))
+/// Points along an axis that stand for a particle: one if it is narrow on the sensor, three where no edge of the cell
+/// cuts its light, and more where the edge does. `turn` is by how much a standard deviation turns the finest fringes.
+fn point_count(is_narrow: bool, is_cut: bool, turn: f64) -> usize {
+    match (is_narrow, is_cut) {
+        (true, _) => 1,
+        (_, false) => 3,
+        _ if turn < 1.5 => 3,
+        _ if turn < 3.0 => 5,
+        _ => 7,
+    }
+}
+
+/// Points of a particle along an axis: even steps, with shares of its light by a Gaussian.
+struct Points {
+    count: usize,
+    step_mm: f64,
+    /// Standard deviations in a step.
+    step: f64,
+    whole: f64,
+}
+
+impl Points {
+    /// Points with the mean and the variance of a particle.
+    fn new(count: usize, sigma_mm: f64) -> Self {
+        let step = 3.0 / (count as f64).sqrt();
+        let points = Self { count, step_mm: 0.0, step, whole: 1.0 };
+        let whole: f64 = points.all().map(|(_, share)| share).sum();
+        let steps2 = points.offsets().zip(points.all()).map(|(n, (_, share))| n * n * share / whole).sum::<f64>();
+        let step_mm = if count == 1 { 0.0 } else { sigma_mm / steps2.sqrt() };
+        Self { step_mm, whole, ..points }
+    }
+
+    /// Steps from the middle.
+    fn offsets(&self) -> impl Iterator<Item = f64> {
+        let middle = 0.5 * (self.count - 1) as f64;
+        (0..self.count).map(move |n| n as f64 - middle)
+    }
+
+    /// Places, mm on the array, and shares.
+    fn all(&self) -> impl Iterator<Item = (f64, f64)> {
+        let Self { step_mm, step, whole, .. } = *self;
+        self.offsets().map(move |n| (n * step_mm, (-0.5 * (n * step).powi(2)).exp() / whole))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn points_have_the_moments_of_a_gaussian() {
+        for (count, within) in [(3, 0.1), (5, 0.02), (7, 0.002)] {
+            let points = Points::new(count, 2.0);
+            let moment = |power: i32| points.all().map(|(x, share)| share * (x / 2.0).powi(power)).sum::<f64>();
+            assert!((moment(0) - 1.0).abs() < 1e-12 && moment(1).abs() < 1e-12 && (moment(2) - 1.0).abs() < 1e-12);
+            assert!((moment(4) / 3.0 - 1.0).abs() < within, "{count}: {}", moment(4));
+        }
+        assert_eq!(Points::new(1, 2.0).all().collect::<Vec<_>>(), [(0.0, 1.0)]);
+    }
 }

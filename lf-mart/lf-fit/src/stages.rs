@@ -397,6 +397,7 @@ impl<'a, 'o> Stages<'a, 'o> {
         self.particles.wake_where(|_| true);
         self.rounds(0)?;
         self.particles.cameras.views.iter_mut().for_each(|view| view.model.set_exact(true));
+        self.particles.summed.forget();
         self.particles.render();
         self.own_sizes()?;
         if self.is_stale {

@@ -116,10 +116,12 @@ impl<'a> CameraView<'a> {
         Ok(())
     }
 
-    /// Forgets all expected counts.
+    /// Forgets the expected counts of particles' images, but not the light that is held.
     pub(crate) fn darken(&mut self) {
-        self.expected.fill(0.0);
-        self.held.iter_mut().for_each(|light| light.fill(0.0));
+        match &self.held {
+            Some(held) => self.expected.copy_from_slice(held),
+            None => self.expected.fill(0.0),
+        }
     }
 
     /// Spreads the far light of diffraction anew, around the light that is expected now.
@@ -130,12 +132,15 @@ impl<'a> CameraView<'a> {
         self.expected.iter_mut().zip(&*light).for_each(|(expected, far)| *expected += far);
     }
 
-    /// Puts the light of particles aside where waves are followed, to find what the rim of the stop adds.
-    pub(crate) fn put_aside(&mut self) {
+    /// Puts the light of particles aside where waves are followed, to sum what the rim of the stop adds: from zero if
+    /// this `is_anew`, and otherwise from the last sum.
+    pub(crate) fn put_aside(&mut self, is_anew: bool) {
         let Some(held) = self.held.as_mut().filter(|_| self.model.follows_waves()) else { return };
         self.expected.iter_mut().zip(&*held).for_each(|(expected, held)| *expected -= held);
         std::mem::swap(&mut self.expected, held);
-        self.expected.fill(0.0);
+        if is_anew {
+            self.expected.fill(0.0);
+        }
     }
 
     /// Takes the light of particles back, and holds what was found.

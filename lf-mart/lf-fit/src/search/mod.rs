@@ -5,5 +5,6 @@ pub mod changes;
 pub mod ends;
 pub mod particles;
 pub mod sizes;
+pub(crate) mod summed;
 pub mod tile_fit;
 pub mod tiles;

@@ -1,5 +1,6 @@
 //! All particles of a frame, and work on them tile by tile: those of a tile are fitted together, the others held.
 
+use super::summed::{Difference, Summed};
 use super::tiles::{Tile, TilePlan, Tiling};
 use crate::cameras::view::{CameraView, Cameras};
 use crate::model::buffers::FitBuffers;
@@ -56,6 +57,8 @@ pub(crate) struct Particles<'a> {
     pub(crate) reach_px: usize,
     /// How the sizes of particles spread; None if all may be of one size.
     pub(crate) size_spread: Option<SizeSpread>,
+    /// The particles whose waves the cameras hold.
+    pub(crate) summed: Summed,
 }
 
 /// Tiles that are rendered before their light is added up; bounds the memory.
@@ -88,9 +91,16 @@ impl<'a> Particles<'a> {
         let model = &cameras.first().model;
         list.sort_by_cached_key(|particle| along_z_curve(model.chief_px(particle.place_mm)));
         let beside_px = WAKES * cameras.first().camera.pitch_px();
-        let (is_whole, is_awake) = (Vec::new(), Vec::new());
-        let mut particles =
-            Self { cameras, list: Vec::new(), is_whole, is_awake, beside_px, reach_px, size_spread: None };
+        let mut particles = Self {
+            cameras,
+            list: Vec::new(),
+            is_whole: Vec::new(),
+            is_awake: Vec::new(),
+            beside_px,
+            reach_px,
+            size_spread: None,
+            summed: Summed::default(),
+        };
         particles.set(list);
         Ok(particles)
     }
@@ -153,7 +163,8 @@ impl<'a> Particles<'a> {
     /// Renders all particles anew.
     pub(crate) fn render(&mut self) {
         self.cameras.views.iter_mut().for_each(CameraView::darken);
-        self.draw(|cameras, particle, window, scratch| {
+        let list = self.list.clone();
+        self.draw(&list, |cameras, particle, window, scratch| {
             let image = ParticleImage::light(cameras, particle, window, scratch);
             image.add_to(&mut window.light, window.columns, 1.0);
         });
@@ -164,15 +175,17 @@ impl<'a> Particles<'a> {
     fn hold(&mut self) {
         self.cameras.views.iter_mut().for_each(CameraView::spread_halo);
         if self.cameras.views.iter().any(|view| view.model.follows_waves()) {
-            self.cameras.views.iter_mut().for_each(CameraView::put_aside);
-            self.draw(ParticleImage::add_rest);
+            let shape = self.cameras.first().shape;
+            let Difference { is_anew, particles } = self.summed.follow(&self.list, shape, self.cameras.pixel_mm());
+            self.cameras.views.iter_mut().for_each(|view| view.put_aside(is_anew));
+            self.draw(&particles, ParticleImage::add_rest);
             self.cameras.views.iter_mut().for_each(CameraView::take_back);
         }
     }
 
-    /// Adds to the expected counts what `draw` adds to a window for each particle.
-    fn draw(&mut self, draw: impl Fn(&Cameras, &Particle, &mut Window, &mut Scratch) + Sync) {
-        let TilePlan { windows, members, .. } = self.plan();
+    /// Adds to the expected counts what `draw` adds to a window for each particle of a list.
+    fn draw(&mut self, list: &[Particle], draw: impl Fn(&Cameras, &Particle, &mut Window, &mut Scratch) + Sync) {
+        let TilePlan { windows, members, .. } = self.tiling().plan(&self.cameras, list);
         let tasks: Vec<_> = windows.iter().zip(&members).collect();
         for tasks in tasks.chunks(AT_ONCE) {
             let rendered: Vec<Window> = tasks
@@ -181,7 +194,7 @@ impl<'a> Particles<'a> {
                     let mut window = Window::cut(&self.cameras.views, rectangles);
                     window.light.fill(0.0);
                     for n in *members {
-                        draw(&self.cameras, &self.list[*n], &mut window, &mut buffers.scratch);
+                        draw(&self.cameras, &list[*n], &mut window, &mut buffers.scratch);
                     }
                     window
                 })

@@ -87,7 +87,7 @@ impl Tiling {
     pub(crate) fn members(&self, cameras: &Cameras, particles: &[Particle]) -> Vec<Vec<usize>> {
         let places: Vec<usize> = particles.par_iter().map(|particle| self.tile_of(cameras, particle)).collect();
         let mut members = vec![Vec::new(); self.count[0] * self.count[1]];
-        let is_lit = |n: &usize| particles[*n].light > 0.0;
+        let is_lit = |n: &usize| particles[*n].light != 0.0;
         (0..places.len()).filter(is_lit).for_each(|n| members[places[n]].push(n));
         members
     }

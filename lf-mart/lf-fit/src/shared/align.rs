@@ -53,6 +53,7 @@ pub(crate) fn align(particles: &mut Particles, prior: Prior, moves: bool) {
             step.take(view, pixel_mm);
             view.pose_std = moves.then(|| step.pose_std(particles.list.iter().map(|one| one.place_mm), pixel_mm));
         }
+        particles.summed.forget();
         particles.render();
     }
 }
