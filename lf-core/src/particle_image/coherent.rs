@@ -31,7 +31,9 @@ const NODES_A_TURN: f64 = 1.3;
 const MORE_NODES: f64 = 4.0;
 /// The spread of light is rounded to this step, px, so that all lenslets of a particle have the same one.
 const SPREAD_STEP_PX: f64 = 1e-3;
-/// A spot with a smaller standard deviation on the sensor, px, only spreads light. A wider one is made of points.
+/// A spot with a smaller standard deviation on the sensor, px, only spreads light. A wider one is made of points: two
+/// along an axis up to the second bound. As a spread alone, spots of 0.08 px put particles 1 um too far.
+const LEAST_PX: f64 = 0.03;
 const NARROW_PX: f64 = 0.16;
 /// Points of a particle matter up to this many standard deviations.
 const SPOT_SIGMA: f64 = 2.0;
@@ -79,12 +81,15 @@ impl<T: Listed> LensletImage<'_, T> {
         // All lenslets of a particle take as many nodes, and so share the turns of these.
         let farthest = (0.5 * most + FAR).min(2.0 * (cell.stop.half + FAR)) + 1.0 / unit;
         let nodes = cell.nodes((NODES_A_TURN * (farthest + farthest.min(0.5 * most)) + MORE_NODES) as usize);
-        // Points of a particle shift the wave on the array, and the rim stays where it is.
+        // Points of a particle shift the wave on the array, and the rim stays where it is. A lenslet that sees no rim only
+        // shifts its light, which a spread on the sensor does too.
         let spot_px = self.spot_mm * growth.abs();
-        let is_narrow = spot_px < NARROW_PX;
-        let (beyond_mm, rest_px) = if is_narrow { (0.0, spot_px) } else { (SPOT_SIGMA * self.spot_mm, 0.0) };
+        let place = [0, 1].map(|n| in_stop[n] * axes[n].chief / unit);
+        let cell_half = [0, 1].map(|n| in_stop[n].abs() * (self.view.corner[n] + SPOT_SIGMA * self.spot_mm) / unit);
+        let is_spread = spot_px < LEAST_PX || !cell.stop.cuts(place, cell_half);
+        let (beyond_mm, rest_px) = if is_spread { (0.0, spot_px) } else { (SPOT_SIGMA * self.spot_mm, 0.0) };
         let spread_px = (blur.own_px.hypot(rest_px) / SPREAD_STEP_PX).round() * SPREAD_STEP_PX;
-        let sensor = scratch.waves.take_samples(unit, spread_px);
+        let sensor = scratch.waves.take_samples(unit, (is_spread, spread_px));
         let middle = [0, 1].map(|n| axes[n].zero + growths[n] * axes[n].chief);
         let fringes = FAR * unit;
         // Along an axis, the light that the stop's image takes changes with the point only where the cell's edge cuts it.
@@ -94,7 +99,7 @@ impl<T: Listed> LensletImage<'_, T> {
             let (low, high) = (axes[n].zero - stop - middle[n], axes[n].zero + stop - middle[n]);
             let [inner, outer] = [inner_mm, self.view.corner[n]].map(|half_mm| half_mm * growths[n].abs());
             let is_cut = low.min(-high) < -inner && low < outer && high > -outer;
-            point_count(is_narrow, is_cut, TAU * spot_px / unit)
+            if is_spread { 1 } else { point_count(spot_px, is_cut, TAU * spot_px / unit) }
         };
         let points = [0, 1].map(|n| Points::new(count(n), self.spot_mm));
         // The pixels between whose edges light falls on samples.
@@ -117,7 +122,7 @@ impl<T: Listed> LensletImage<'_, T> {
             let mut wave = CellWave {
                 shadow: singles(shadow),
                 stop_shadow: singles(stop_shadow),
-                place: singles([0, 1].map(|n| in_stop[n] * axes[n].chief / unit)),
+                place: singles(place),
                 stop: &cell.stop,
                 edge,
                 to_table,
@@ -144,7 +149,7 @@ impl<T: Listed> LensletImage<'_, T> {
         } else {
             None
         };
-        scratch.waves.samples = Some((spread_px, sensor));
+        scratch.waves.samples[usize::from(is_spread)] = Some((spread_px, sensor));
         Some(patch)
     }
 }
@@ -241,15 +246,14 @@ impl CellWave<'_> {
     }
 }
 
-/// Points along an axis that stand for a particle: one if it is narrow on the sensor, three where no edge of the cell
-/// cuts its light, and more where the edge does. `turn` is by how much a standard deviation turns the finest fringes.
-fn point_count(is_narrow: bool, is_cut: bool, turn: f64) -> usize {
-    match (is_narrow, is_cut) {
-        (true, _) => 1,
-        (_, false) => 3,
-        _ if turn < 1.5 => 3,
-        _ if turn < 3.0 => 5,
-        _ => 7,
+/// Points along an axis that stand for a particle: few where no edge of the cell cuts its light, and more where one does.
+/// `turn` is by how much a standard deviation turns the finest fringes.
+fn point_count(spot_px: f64, is_cut: bool, turn: f64) -> usize {
+    match is_cut {
+        _ if spot_px < NARROW_PX => 2,
+        true if turn > 3.0 => 7,
+        true if turn > 1.5 => 5,
+        _ => 3,
     }
 }
 

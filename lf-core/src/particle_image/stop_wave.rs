@@ -24,6 +24,8 @@ const STEP: f64 = 0.04;
 const COARSE: f64 = 3.0;
 /// Parts of the rim count up to the distance `b + WHOLE`, and fade out up to twice that.
 const WHOLE: f64 = 3.0;
+/// How far inside and outside the rim it matters where a point of a particle lies, lambda g / p.
+const BESIDE_RIM: [f64; 2] = [2.0, 1.0];
 /// Steps along the rim for each turn of the wave.
 const STEPS_A_TURN: f64 = 3.0;
 
@@ -59,6 +61,15 @@ impl StopWaves {
         let own = SHADOWS[0] * RATIO.powi(rung as i32);
         let edge = self.tables[rung].get_or_init(|| EdgeWave::new(own, self.is_round.then_some(self.half)));
         (edge, (own / b).sqrt() as f32)
+    }
+
+    /// Whether the rim crosses a cell, or lies near it, by the middle and the half sides of the cell in the image of the
+    /// stop.
+    pub(super) fn cuts(&self, middle: [f64; 2], cell_half: [f64; 2]) -> bool {
+        let far = [0, 1].map(|n| middle[n].abs() + cell_half[n]);
+        let near = [0, 1].map(|n| (middle[n].abs() - cell_half[n]).max(0.0));
+        let length = |[x, y]: [f64; 2]| if self.is_round { x.hypot(y) } else { x.max(y) };
+        length(far) > self.half - BESIDE_RIM[0] && length(near) < self.half + BESIDE_RIM[1]
     }
 
     /// Bytes of the tables that have been made.

@@ -13,8 +13,8 @@ pub(super) type Eight = [[f32; LANES]; 2];
 /// Buffers of a thread.
 #[derive(Debug, Default)]
 pub(super) struct WaveBuffers {
-    /// Samples of the sensor for a spread of light, px.
-    pub(super) samples: Option<(f64, FineSensor)>,
+    /// Samples of the sensor for a spread of light, px: with a particle's spot made of points, and as a spread.
+    pub(super) samples: [Option<(f64, FineSensor)>; 2],
     /// Turns of the waves of nodes from sample to sample along x, node by node, and what they were made for: the nodes'
     /// x, the step, and eights of samples. Rows with the same x share them.
     pub(super) turns: Vec<Eight>,
@@ -28,10 +28,13 @@ pub(super) struct WaveBuffers {
 }
 
 impl WaveBuffers {
-    /// Samples of a sensor with this spread of light, px, where lambda g / p is `unit_px`.
-    pub(super) fn take_samples(&mut self, unit_px: f64, spread_px: f64) -> FineSensor {
+    /// Samples of a sensor with this spread of light, px, where lambda g / p is `unit_px`. The flag says whether a
+    /// particle's spot is part of the spread.
+    pub(super) fn take_samples(&mut self, unit_px: f64, (is_spread, spread_px): (bool, f64)) -> FineSensor {
         let parts = (1.0 / (APART * unit_px)).ceil() as usize;
-        let known = self.samples.take().filter(|(spread, sensor)| sensor.parts == parts && *spread == spread_px);
+        let known = self.samples[usize::from(is_spread)]
+            .take()
+            .filter(|(spread, sensor)| sensor.parts == parts && *spread == spread_px);
         known.map_or_else(|| FineSensor::of_samples(parts, spread_px), |(_, sensor)| sensor)
     }
 
