@@ -23,18 +23,20 @@ use super::stop_wave::{EdgeWave, SHADOWS, StopWaves};
 use super::wave_buffers::{WaveBuffers, quick_turn};
 use crate::simd::fastest;
 use std::f64::consts::{FRAC_1_SQRT_2, TAU};
+use std::ops::Range;
 
 /// Light is followed this far beside the shadow and beside the stop, lambda g / p.
 const FAR: f64 = 8.0;
+/// Beside the stop, a wave counts up to [`FAR`] and this many roots of b': it fades out over some of them.
+const FAR_ROOT: f32 = 3.5;
 /// Nodes along a cell for each turn of a wave between its ends, and more.
 const NODES_A_TURN: f64 = 1.3;
 const MORE_NODES: f64 = 4.0;
 /// The spread of light is rounded to this step, px, so that all lenslets of a particle have the same one.
 const SPREAD_STEP_PX: f64 = 1e-3;
-/// A spot with a smaller standard deviation on the sensor, px, only spreads light. A wider one is made of points: two
-/// along an axis up to the second bound. As a spread alone, spots of 0.08 px put particles 1 um too far.
+/// A spot with a smaller standard deviation on the sensor, px, only spreads light. A wider one is made of points: as a
+/// spread, spots of 0.08 px put particles 1 um too far.
 const LEAST_PX: f64 = 0.03;
-const NARROW_PX: f64 = 0.16;
 /// Points of a particle matter up to this many standard deviations.
 const SPOT_SIGMA: f64 = 2.0;
 
@@ -99,7 +101,7 @@ impl<T: Listed> LensletImage<'_, T> {
             let (low, high) = (axes[n].zero - stop - middle[n], axes[n].zero + stop - middle[n]);
             let [inner, outer] = [inner_mm, self.view.corner[n]].map(|half_mm| half_mm * growths[n].abs());
             let is_cut = low.min(-high) < -inner && low < outer && high > -outer;
-            if is_spread { 1 } else { point_count(spot_px, is_cut, TAU * spot_px / unit) }
+            if is_spread { 1 } else { point_count(is_cut, TAU * spot_px / unit.max(1.0)) }
         };
         let points = [0, 1].map(|n| Points::new(count(n), self.spot_mm));
         // The pixels between whose edges light falls on samples.
@@ -175,12 +177,15 @@ impl CellWave<'_> {
         let eights = columns.div_ceil(LANES);
         let stride = buffers.turn(nodes, self.step, eights);
         let WaveBuffers { turns, down, nodes: waves, rows: sums, line, .. } = buffers;
-        waves.resize(nodes.across, (0.0, 0.0));
+        let lit_rows = self.lit(1, &nodes.y);
         sums.clear();
-        for (row, y) in nodes.y.iter().enumerate() {
-            let own = row * nodes.across..(row + 1) * nodes.across;
-            self.at_nodes(*y, (&nodes.x[own.clone()], &nodes.weights[own]), waves);
-            let start = if nodes.is_even { 0 } else { row * nodes.across };
+        for row in lit_rows.clone() {
+            let own = row * nodes.across;
+            let lit = self.lit(0, &nodes.x[own..own + nodes.across]);
+            waves.resize(lit.len(), (0.0, 0.0));
+            let places = own + lit.start..own + lit.end;
+            self.at_nodes(nodes.y[row], (&nodes.x[places.clone()], &nodes.weights[places]), waves);
+            let start = lit.start + if nodes.is_even { 0 } else { own };
             for eight in 0..eights {
                 let mut sum = [[0f32; LANES]; 2];
                 for (node, (a, b)) in waves.iter().enumerate() {
@@ -197,7 +202,7 @@ impl CellWave<'_> {
         for sample in 0..rows {
             let at = self.step * sample as f32;
             down.clear();
-            down.extend(nodes.y.iter().map(|y| quick_turn(y * at)));
+            down.extend(nodes.y[lit_rows.clone()].iter().map(|y| quick_turn(y * at)));
             for (eight, line) in line.chunks_exact_mut(LANES).enumerate() {
                 let mut sum = [[0f32; LANES]; 2];
                 for (row, (re, im)) in down.iter().enumerate() {
@@ -213,6 +218,16 @@ impl CellWave<'_> {
             }
             light.add_row(sample, &line[..columns]);
         }
+    }
+
+    /// The nodes along an axis that get light through the stop, or from near its rim. They rise.
+    #[inline(always)]
+    fn lit(&self, axis: usize, nodes: &[f32]) -> Range<usize> {
+        let shadow = self.stop_shadow[axis];
+        let reach = self.stop.half as f32 + FAR as f32 + FAR_ROOT * shadow.sqrt();
+        let [low, high] = [-reach, reach].map(|end| (end - self.place[axis]) / shadow);
+        let first = nodes.partition_point(|node| *node < low);
+        first..nodes.partition_point(|node| *node <= high).max(first)
     }
 
     /// Waves at the nodes of a row as the first sample sees them.
@@ -247,12 +262,12 @@ impl CellWave<'_> {
 }
 
 /// Points along an axis that stand for a particle: few where no edge of the cell cuts its light, and more where one does.
-/// `turn` is by how much a standard deviation turns the finest fringes.
-fn point_count(spot_px: f64, is_cut: bool, turn: f64) -> usize {
+/// `turn` is by how much a standard deviation turns the finest fringes that a pixel shows.
+fn point_count(is_cut: bool, turn: f64) -> usize {
     match is_cut {
-        _ if spot_px < NARROW_PX => 2,
-        true if turn > 3.0 => 7,
-        true if turn > 1.5 => 5,
+        _ if turn < 1.4 => 2,
+        true if turn > 4.0 => 7,
+        true if turn > 2.2 => 5,
         _ => 3,
     }
 }

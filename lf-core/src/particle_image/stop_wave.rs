@@ -18,7 +18,7 @@ use std::sync::OnceLock;
 /// Ratio of neighbouring tables' b. Between them the wave scales with the root of b.
 const RATIO: f64 = 1.02;
 /// Smallest and largest b.
-pub(super) const SHADOWS: [f64; 2] = [0.25, 120.0];
+pub(super) const SHADOWS: [f64; 2] = [0.25, 400.0];
 /// Step of a table, lambda g / p, where b is up to [`COARSE`]. Above it, steps grow with the root of b.
 const STEP: f64 = 0.04;
 const COARSE: f64 = 3.0;
