@@ -12,6 +12,7 @@
 //! the stop from which light comes to the middle of the cell. The integral is a sum over nodes (`cell_nodes.rs`). It is
 //! taken at samples of each pixel, which the pixel, the blur and the spot then smooth.
 
+use super::axis::Axis;
 use super::cell_nodes::CellNodes;
 use super::fine_light::FineLight;
 use super::lenslet_image::{LensletImage, Listed, Patch, Scratch};
@@ -19,6 +20,7 @@ use super::lenslet_lines::LensletLine;
 use super::pictures::LANES;
 use super::quantities::LIGHT;
 use super::sensor_blur::SensorBlur;
+use super::spot_points::Points;
 use super::stop_wave::{EdgeWave, SHADOWS, StopWaves};
 use super::wave_buffers::{WaveBuffers, quick_turn};
 use crate::simd::fastest;
@@ -40,7 +42,8 @@ const LEAST_PX: f64 = 0.03;
 /// Points of a particle matter up to this many standard deviations.
 const SPOT_SIGMA: f64 = 2.0;
 
-/// A lenslet's wave. Lengths on the sensor are in lambda g / p.
+/// A lenslet's wave of a point. Lengths on the sensor are in lambda g / p.
+#[derive(Clone, Copy)]
 struct CellWave<'a> {
     /// b and b' along both axes.
     shadow: [f32; 2],
@@ -83,8 +86,8 @@ impl<T: Listed> LensletImage<'_, T> {
         // All lenslets of a particle take as many nodes, and so share the turns of these.
         let farthest = (0.5 * most + FAR).min(2.0 * (cell.stop.half + FAR)) + 1.0 / unit;
         let nodes = cell.nodes((NODES_A_TURN * (farthest + farthest.min(0.5 * most)) + MORE_NODES) as usize);
-        // Points of a particle shift the wave on the array, and the rim stays where it is. A lenslet that sees no rim only
-        // shifts its light, which a spread on the sensor does too.
+        // Points of a particle shift the wave on the array, and the rim stays where it is. Before a lenslet that sees
+        // no rim, they only shift light, as a spread on the sensor does.
         let spot_px = self.spot_mm * growth.abs();
         let place = [0, 1].map(|n| in_stop[n] * axes[n].chief / unit);
         let cell_half = [0, 1].map(|n| in_stop[n].abs() * (self.view.corner[n] + SPOT_SIGMA * self.spot_mm) / unit);
@@ -94,16 +97,7 @@ impl<T: Listed> LensletImage<'_, T> {
         let sensor = scratch.waves.take_samples(unit, (is_spread, spread_px));
         let middle = [0, 1].map(|n| axes[n].zero + growths[n] * axes[n].chief);
         let fringes = FAR * unit;
-        // Along an axis, the light that the stop's image takes changes with the point only where the cell's edge cuts it.
-        let inner_mm = if nodes.is_even { 0.5 } else { 0.5 * FRAC_1_SQRT_2 } * pitch;
-        let count = |n: usize| {
-            let stop = self.view.optics.half_aperture_mm * axes[n].slope.abs() + SPOT_SIGMA * spot_px + unit;
-            let (low, high) = (axes[n].zero - stop - middle[n], axes[n].zero + stop - middle[n]);
-            let [inner, outer] = [inner_mm, self.view.corner[n]].map(|half_mm| half_mm * growths[n].abs());
-            let is_cut = low.min(-high) < -inner && low < outer && high > -outer;
-            if is_spread { 1 } else { point_count(is_cut, TAU * spot_px / unit.max(1.0)) }
-        };
-        let points = [0, 1].map(|n| Points::new(count(n), self.spot_mm));
+        let points = if is_spread { [Points::ONE; 2] } else { self.points(&axes, (growths, spot_px), (unit, nodes)) };
         // The pixels between whose edges light falls on samples.
         let lit = |n: usize| {
             let shadow = (self.view.corner[n] + beyond_mm) * growths[n].abs().max(in_stop[n].abs()) + fringes;
@@ -121,7 +115,7 @@ impl<T: Listed> LensletImage<'_, T> {
             let step = 1.0 / (sensor.parts as f64 * unit);
             let at = [0, 1].map(|n| (first[n] as f64 - middle[n]) / unit + 0.5 * step);
             let singles = |numbers: [f64; 2]| numbers.map(|number| number as f32);
-            let mut wave = CellWave {
+            let wave = CellWave {
                 shadow: singles(shadow),
                 stop_shadow: singles(stop_shadow),
                 place: singles(place),
@@ -134,17 +128,9 @@ impl<T: Listed> LensletImage<'_, T> {
             };
             let Scratch { waves: buffers, fine, .. } = scratch;
             fine.begin(&sensor, [columns, rows], LIGHT);
-            let (middle, place, scale) = (wave.first, wave.place, wave.scale);
-            for (y, down) in points[1].all() {
-                for (x, across) in points[0].all() {
-                    for (n, at) in [x, y].into_iter().enumerate() {
-                        wave.first[n] = middle[n] - (growths[n] * at / unit) as f32;
-                        wave.place[n] = place[n] + (in_stop[n] * at / unit) as f32;
-                    }
-                    wave.scale = (across * down) as f32 * scale;
-                    wave.fill(nodes, [columns, rows].map(|count| count * sensor.parts), buffers, fine);
-                }
-            }
+            let by_mm = [growths, in_stop].map(|along| along.map(|growth| growth / unit));
+            let samples = [columns, rows].map(|count| count * sensor.parts);
+            wave.fill_points(&points, by_mm, (nodes, samples), buffers, fine);
             let wide = [columns + 2 * sensor.reach, rows + 2 * sensor.reach];
             sensor.smooth(fine, wide[1], false);
             self.hand_out::<LIGHT>((first, sensor.reach as i64), wide, scratch)
@@ -154,9 +140,53 @@ impl<T: Listed> LensletImage<'_, T> {
         scratch.waves.samples[usize::from(is_spread)] = Some((spread_px, sensor));
         Some(patch)
     }
+
+    /// Points that stand for a particle along both axes. The light that the stop's image takes changes with the point
+    /// only where the cell's edge cuts it.
+    fn points(
+        &self,
+        axes: &[Axis; 2],
+        (growths, spot_px): ([f64; 2], f64),
+        (unit, nodes): (f64, &CellNodes),
+    ) -> [Points; 2] {
+        // A box within the cell.
+        let inner_mm = if nodes.is_even { 0.5 } else { 0.5 * FRAC_1_SQRT_2 } * self.view.pitch_mm;
+        [0, 1].map(|n| {
+            let middle = growths[n] * axes[n].chief;
+            let stop = self.view.optics.half_aperture_mm * axes[n].slope.abs() + SPOT_SIGMA * spot_px + unit;
+            let [inner, outer] = [inner_mm, self.view.corner[n]].map(|half_mm| half_mm * growths[n].abs());
+            let is_cut = middle.abs() + stop > inner && middle.abs() - stop < outer;
+            Points::of_spot(self.spot_mm, is_cut, TAU * spot_px / unit.max(1.0))
+        })
+    }
 }
 
 impl CellWave<'_> {
+    /// Fills samples with the light of all points. `by_mm` is by how much a mm on the array moves the shadow, and the
+    /// place in the image of the stop.
+    fn fill_points(
+        self,
+        [across, down]: &[Points; 2],
+        by_mm: [[f64; 2]; 2],
+        (nodes, samples): (&CellNodes, [usize; 2]),
+        buffers: &mut WaveBuffers,
+        light: &mut FineLight,
+    ) {
+        for (y, y_share) in down.all() {
+            for (x, x_share) in across.all() {
+                let moved = |n: usize| [x * by_mm[n][0], y * by_mm[n][1]].map(|moved| moved as f32);
+                let ([shadow_x, shadow_y], [place_x, place_y]) = (moved(0), moved(1));
+                let point = CellWave {
+                    first: [self.first[0] - shadow_x, self.first[1] - shadow_y],
+                    place: [self.place[0] + place_x, self.place[1] + place_y],
+                    scale: (x_share * y_share) as f32 * self.scale,
+                    ..self
+                };
+                point.fill(nodes, samples, buffers, light);
+            }
+        }
+    }
+
     /// Fills samples with light.
     #[inline(never)]
     fn fill(&self, nodes: &CellNodes, samples: [usize; 2], buffers: &mut WaveBuffers, light: &mut FineLight) {
@@ -258,65 +288,5 @@ impl CellWave<'_> {
         };
         let ((a, b), (c, d)) = (along(u), along(v));
         (a * c - b * d, a * d + b * c)
-    }
-}
-
-/// Points along an axis that stand for a particle: few where no edge of the cell cuts its light, and more where one does.
-/// `turn` is by how much a standard deviation turns the finest fringes that a pixel shows.
-fn point_count(is_cut: bool, turn: f64) -> usize {
-    match is_cut {
-        _ if turn < 1.4 => 2,
-        true if turn > 4.0 => 7,
-        true if turn > 2.2 => 5,
-        _ => 3,
-    }
-}
-
-/// Points of a particle along an axis: even steps, with shares of its light by a Gaussian.
-struct Points {
-    count: usize,
-    step_mm: f64,
-    /// Standard deviations in a step.
-    step: f64,
-    whole: f64,
-}
-
-impl Points {
-    /// Points with the mean and the variance of a particle.
-    fn new(count: usize, sigma_mm: f64) -> Self {
-        let step = 3.0 / (count as f64).sqrt();
-        let points = Self { count, step_mm: 0.0, step, whole: 1.0 };
-        let whole: f64 = points.all().map(|(_, share)| share).sum();
-        let steps2 = points.offsets().zip(points.all()).map(|(n, (_, share))| n * n * share / whole).sum::<f64>();
-        let step_mm = if count == 1 { 0.0 } else { sigma_mm / steps2.sqrt() };
-        Self { step_mm, whole, ..points }
-    }
-
-    /// Steps from the middle.
-    fn offsets(&self) -> impl Iterator<Item = f64> {
-        let middle = 0.5 * (self.count - 1) as f64;
-        (0..self.count).map(move |n| n as f64 - middle)
-    }
-
-    /// Places, mm on the array, and shares.
-    fn all(&self) -> impl Iterator<Item = (f64, f64)> {
-        let Self { step_mm, step, whole, .. } = *self;
-        self.offsets().map(move |n| (n * step_mm, (-0.5 * (n * step).powi(2)).exp() / whole))
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn points_have_the_moments_of_a_gaussian() {
-        for (count, within) in [(3, 0.1), (5, 0.02), (7, 0.004)] {
-            let points = Points::new(count, 2.0);
-            let moment = |power: i32| points.all().map(|(x, share)| share * (x / 2.0).powi(power)).sum::<f64>();
-            assert!((moment(0) - 1.0).abs() < 1e-12 && moment(1).abs() < 1e-12 && (moment(2) - 1.0).abs() < 1e-12);
-            assert!((moment(4) / 3.0 - 1.0).abs() < within, "{count}: {}", moment(4));
-        }
-        assert_eq!(Points::new(1, 2.0).all().collect::<Vec<_>>(), [(0.0, 1.0)]);
     }
 }

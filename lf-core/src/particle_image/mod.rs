@@ -61,6 +61,7 @@ mod rim;
 mod sensor_blur;
 mod share;
 mod spline;
+mod spot_points;
 mod spots;
 mod stop_wave;
 mod table;

@@ -63,8 +63,8 @@ impl StopWaves {
         (edge, (own / b).sqrt() as f32)
     }
 
-    /// Whether the rim crosses a cell, or lies near it, by the middle and the half sides of the cell in the image of the
-    /// stop.
+    /// Whether the rim crosses a cell, or lies near it, by the middle and the half sides of the cell in the image of
+    /// the stop.
     pub(super) fn cuts(&self, middle: [f64; 2], cell_half: [f64; 2]) -> bool {
         let far = [0, 1].map(|n| middle[n].abs() + cell_half[n]);
         let near = [0, 1].map(|n| (middle[n].abs() - cell_half[n]).max(0.0));

@@ -20,8 +20,8 @@ pub(crate) struct Difference {
     pub(crate) particles: Vec<Particle>,
 }
 
-/// Waves of a particle stay in the sum up to a step of its place sideways and along z, pixels of the focal plane, and of
-/// its light and size, shares of them; those of all up to a step of their shape, pixels.
+/// Waves of a particle stay in the sum up to a step of its place sideways and along z, pixels of the focal plane, and
+/// of its light and size, shares of them; those of all up to a step of their shape, pixels.
 const STAYS_PX: [f64; 3] = [0.02, 0.02, 0.2];
 const STAYS_SHARE: f64 = 0.03;
 const STAYS_SHAPE_PX: f64 = 0.04;
@@ -95,7 +95,7 @@ mod tests {
         let third = list(&[3.05, 1.025, 2.0, 0.0, 5.0], 102.0);
         let particles = [list(&[1.025], 102.0), list(&[1.0], -100.0)].concat();
         assert_eq!(summed.follow(&third, SHAPE, 1.0), Difference { is_anew: false, particles });
-        // Most of them are new, or the shape is another.
+        // All are new, or the shape is another.
         let fourth = list(&[7.0, 8.0, 9.0], 100.0);
         assert_eq!(summed.follow(&fourth, SHAPE, 1.0), Difference { is_anew: true, particles: fourth.clone() });
         let drifted = Shape { drift_px: [0.05, 0.0], ..SHAPE };
