@@ -118,8 +118,9 @@ impl<'a> CameraView<'a> {
         Ok(())
     }
 
-    /// Forgets the expected counts of particles' images, but not the light that is held.
+    /// Forgets all expected counts but those of waves.
     pub(crate) fn darken(&mut self) {
+        self.far.iter_mut().for_each(|far| far.fill(0.0));
         self.expected = (0..self.image.len()).map(|n| self.held(n)).collect();
     }
 

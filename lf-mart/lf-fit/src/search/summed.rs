@@ -24,7 +24,7 @@ pub(crate) struct Difference {
 /// of its light and size, shares of them; those of all up to a step of their shape, pixels.
 const STAYS_PX: [f64; 3] = [0.02, 0.02, 0.2];
 const STAYS_SHARE: f64 = 0.03;
-const STAYS_SHAPE_PX: f64 = 0.04;
+const STAYS_SHAPE_PX: f64 = 0.01;
 
 fn is_near(old: &Particle, new: &Particle, pixel_mm: f64) -> bool {
     (0..3).all(|axis| (old.place_mm[axis] - new.place_mm[axis]).abs() <= STAYS_PX[axis] * pixel_mm)
