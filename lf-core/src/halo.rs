@@ -42,56 +42,27 @@ const ALIASES: i32 = 3;
 impl Halo {
     /// The halo of a camera; None if its lenslets do not diffract.
     pub fn new(camera: &Camera) -> Option<Self> {
-        let diffraction = camera.diffraction()?;
-        let turn = DVec2::from_angle(-camera.microlenses.rotation_rad);
-        let sigma_px = camera.blur.map_or(0.0, |blur| blur.sigma_px);
-        let gaussian = |f: DVec2, sigma: f64| (-2.0 * PI * PI * sigma * sigma * f.length_squared()).exp();
-        let (core_px, unit_px) = (camera.blur_core_px(), diffraction.unit_px);
+        let core_px = camera.blur_core_px();
+        let (reach, taps) = taps(camera, core_px)?;
+        // A middle that is moved by a pixel is still much like itself.
+        let likeness = |away: [f64; 2]| (-(away[0] * away[0] + away[1] * away[1]) / (4.0 * core_px * core_px)).exp();
+        let middle_share = (0..taps.len()).map(|n| taps[n] * likeness(away(n, reach))).sum::<f64>();
+        let mut kernel: Vec<f32> = taps.iter().map(|tap| (tap / middle_share) as f32).collect();
+        kernel[taps.len() / 2] -= 1.0;
+        Some(Self { reach, kernel, middle_share })
+    }
 
-        // The kernel's transfer by frequency.
-        let reach = ((REACH * unit_px).ceil() as usize).clamp(1, MOST_REACH_PX);
-        let side = 2 * reach + 1;
-        let frequency = |n: usize| (n as f64 - reach as f64) / side as f64;
-        let transfer = |n: usize| {
-            let base = DVec2::new(frequency(n % side), frequency(n / side));
-            let mut sums = [0.0; 2];
-            for alias in
-                (-ALIASES..=ALIASES).flat_map(|y| (-ALIASES..=ALIASES).map(move |x| DVec2::new(x.into(), y.into())))
-            {
-                let f = base + alias;
-                let pixel = (sinc(f.x) * sinc(f.y)).powi(2);
-                let (middle, whole) =
-                    (gaussian(f, core_px), diffraction.transfer(turn.rotate(f)) * gaussian(f, sigma_px));
-                sums = [sums[0] + pixel * middle * whole, sums[1] + pixel * middle * middle];
-            }
-            sums[0] / sums[1]
-        };
-        let transfer: Vec<f64> = (0..side * side).into_par_iter().map(transfer).collect();
-
-        // Its taps: columns, then rows.
-        let angle = |f: usize, n: usize| DVec2::from_angle(TAU * frequency(f) * (n as f64 - reach as f64));
-        let angles: Vec<DVec2> = (0..side * side).map(|n| angle(n / side, n % side)).collect();
-        let mut rows = vec![DVec2::ZERO; side * side];
-        for (line, row) in transfer.chunks(side).zip(rows.chunks_mut(side)) {
-            for (at, angles) in line.iter().zip(angles.chunks(side)) {
-                row.iter_mut().zip(angles).for_each(|(sum, angle)| *sum += *at * *angle);
+    /// The light that falls farther than this from where it would be without diffraction, along an axis of the sensor,
+    /// lambda g / p; None if the camera's lenslets do not diffract.
+    pub fn beyond(camera: &Camera, nearest: f64) -> Option<Self> {
+        let (reach, mut taps) = taps(camera, 0.0)?;
+        let nearest_px = nearest * camera.diffraction()?.unit_px;
+        for (n, tap) in taps.iter_mut().enumerate() {
+            if away(n, reach).iter().all(|px| px.abs() < nearest_px) {
+                *tap = 0.0;
             }
         }
-        // A middle that is moved by a pixel is still much like itself.
-        let likeness = |n: usize| {
-            let away = [n % side, n / side].map(|at| at as f64 - reach as f64);
-            (-(away[0] * away[0] + away[1] * away[1]) / (4.0 * core_px * core_px)).exp()
-        };
-        let taps: Vec<f64> = (0..side * side)
-            .map(|n| {
-                let along = |f: usize| rows[f * side + n % side].rotate(angles[f * side + n / side]).x;
-                (0..side).map(along).sum::<f64>() / (side * side) as f64
-            })
-            .collect();
-        let middle_share = taps.iter().enumerate().map(|(n, tap)| tap * likeness(n)).sum::<f64>();
-        let mut kernel: Vec<f32> = taps.iter().map(|tap| (tap / middle_share) as f32).collect();
-        kernel[reach * side + reach] -= 1.0;
-        Some(Self { reach, kernel, middle_share })
+        Some(Self { reach, kernel: taps.iter().map(|tap| *tap as f32).collect(), middle_share: 1.0 })
     }
 
     /// Share of a particle's light that its own image holds; the rest is in the halo.
@@ -122,6 +93,57 @@ impl Halo {
         });
         out
     }
+}
+
+/// Reach of the kernel and its taps: what takes a light with a Gaussian middle of this width, px, to one with the
+/// pattern. None if the camera's lenslets do not diffract.
+fn taps(camera: &Camera, core_px: f64) -> Option<(usize, Vec<f64>)> {
+    let diffraction = camera.diffraction()?;
+    let turn = DVec2::from_angle(-camera.microlenses.rotation_rad);
+    let sigma_px = camera.blur.map_or(0.0, |blur| blur.sigma_px);
+    let gaussian = |f: DVec2, sigma: f64| (-2.0 * PI * PI * sigma * sigma * f.length_squared()).exp();
+
+    // The kernel's transfer by frequency.
+    let reach = ((REACH * diffraction.unit_px).ceil() as usize).clamp(1, MOST_REACH_PX);
+    let side = 2 * reach + 1;
+    let frequency = |n: usize| (n as f64 - reach as f64) / side as f64;
+    let transfer = |n: usize| {
+        let base = DVec2::new(frequency(n % side), frequency(n / side));
+        let mut sums = [0.0; 2];
+        for alias in
+            (-ALIASES..=ALIASES).flat_map(|y| (-ALIASES..=ALIASES).map(move |x| DVec2::new(x.into(), y.into())))
+        {
+            let f = base + alias;
+            let pixel = (sinc(f.x) * sinc(f.y)).powi(2);
+            let (middle, whole) = (gaussian(f, core_px), diffraction.transfer(turn.rotate(f)) * gaussian(f, sigma_px));
+            sums = [sums[0] + pixel * middle * whole, sums[1] + pixel * middle * middle];
+        }
+        sums[0] / sums[1]
+    };
+    let transfer: Vec<f64> = (0..side * side).into_par_iter().map(transfer).collect();
+
+    // Its taps: columns, then rows.
+    let angle = |f: usize, n: usize| DVec2::from_angle(TAU * frequency(f) * (n as f64 - reach as f64));
+    let angles: Vec<DVec2> = (0..side * side).map(|n| angle(n / side, n % side)).collect();
+    let mut rows = vec![DVec2::ZERO; side * side];
+    for (line, row) in transfer.chunks(side).zip(rows.chunks_mut(side)) {
+        for (at, angles) in line.iter().zip(angles.chunks(side)) {
+            row.iter_mut().zip(angles).for_each(|(sum, angle)| *sum += *at * *angle);
+        }
+    }
+    let taps = (0..side * side)
+        .map(|n| {
+            let along = |f: usize| rows[f * side + n % side].rotate(angles[f * side + n / side]).x;
+            (0..side).map(along).sum::<f64>() / (side * side) as f64
+        })
+        .collect();
+    Some((reach, taps))
+}
+
+/// Pixels of a tap from the middle.
+fn away(n: usize, reach: usize) -> [f64; 2] {
+    let side = 2 * reach + 1;
+    [n % side, n / side].map(|at| at as f64 - reach as f64)
 }
 
 /// sin(pi t) / (pi t): the transfer of a pixel at t times its frequency.

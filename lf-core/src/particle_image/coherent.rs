@@ -32,7 +32,7 @@ const FAR: f64 = 8.0;
 /// Beside the stop, a wave counts up to [`FAR`] and this many roots of b': it fades out over some of them.
 const FAR_ROOT: f32 = 3.5;
 /// Nodes along a cell for each turn of a wave between its ends, and more.
-const NODES_A_TURN: f64 = 1.3;
+const NODES_A_TURN: f64 = 1.6;
 const MORE_NODES: f64 = 4.0;
 /// The spread of light is rounded to this step, px, so that all lenslets of a particle have the same one.
 const SPREAD_STEP_PX: f64 = 1e-3;

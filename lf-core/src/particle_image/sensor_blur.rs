@@ -9,7 +9,7 @@ use crate::{Camera, halo::Halo};
 pub(super) struct SensorBlur {
     /// Standard deviation of its Gaussian, px.
     pub(super) sigma_px: f64,
-    /// Share of the light that the Gaussian stands for; the rest is in the halo.
+    /// Share of the light that the images of particles hold; the rest is in the halo.
     pub(super) share: f64,
     pub(super) halo: Option<Halo>,
     pub(super) bell: Bell,
@@ -24,6 +24,8 @@ pub(super) struct SensorBlur {
 /// In waves, the edge of a stop lies this far inside, in lambda g / p: coherent light has a quarter of its intensity at
 /// an edge, and not a half. A Gaussian edge there has the least squared error against knife edges before square cells.
 const RIM: f64 = 0.14;
+/// Images in waves have all light up to about this distance from a sharp image, lambda g / p: 8 beside a cell's shadow.
+const BEYOND_WAVES: f64 = 14.0;
 /// Light farther from the sharp image than this many standard deviations of the blur is left out: 0.1 % on a side.
 pub(super) const REACH: f64 = 3.0;
 /// Variance of a pixel, px^2.
@@ -34,9 +36,8 @@ impl SensorBlur {
     pub(super) fn new(camera: &Camera) -> Option<Self> {
         let sigma_px = camera.blur_core_px();
         (sigma_px > 0.0).then(|| {
-            // Pictures of waves have all light.
             let waves = camera.fresnel();
-            let halo = if waves.is_some() { None } else { Halo::new(camera) };
+            let halo = if waves.is_some() { Halo::beyond(camera, BEYOND_WAVES) } else { Halo::new(camera) };
             let share = halo.as_ref().map_or(1.0, Halo::middle_share);
             let unit_px = waves.map_or(0.0, |pattern| pattern.unit_px);
             let gaussian_px = camera.blur.map_or(0.0, |blur| blur.sigma_px);

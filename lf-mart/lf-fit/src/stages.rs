@@ -312,10 +312,10 @@ pub(crate) fn join<'a>(mut views: Vec<CameraView<'a>>, list: Vec<Particle>) -> R
             let z = view.pose.to_camera(particle.place_mm)[2];
             [low.min(z - beyond), high.max(z + beyond)]
         });
-        let (expected, held) = (std::mem::take(&mut view.expected), view.held.take());
+        let (expected, far, waves) = (std::mem::take(&mut view.expected), view.far.take(), view.waves.take());
         *view = view.reshaped(view.shape, depth_mm).map_err(|refusal| (n, refusal))?;
         view.model.set_exact(false);
-        (view.expected, view.held) = (expected, held);
+        (view.expected, view.far, view.waves) = (expected, far, waves);
     }
     Particles::new(Cameras { views }, list).map_err(|refusal| (0, refusal))
 }

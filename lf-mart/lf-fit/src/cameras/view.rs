@@ -49,8 +49,9 @@ pub struct CameraView<'a> {
     /// Expected counts of each pixel of the image.
     pub(crate) expected: Vec<f32>,
     /// Expected counts beside those of particles' images, which a pass over the particles holds: the far light of
-    /// diffraction, or what waves at the rim of the stop add. None if nothing diffracts.
-    pub(crate) held: Option<Vec<f32>>,
+    /// diffraction, and what waves at the rim of the stop add. None if nothing diffracts, or no waves are followed.
+    pub(crate) far: Option<Vec<f32>>,
+    pub(crate) waves: Option<Vec<f32>>,
 }
 
 /// Particles may leave the depths of the volume by this number of pixels of the focal plane.
@@ -93,7 +94,8 @@ impl<'a> CameraView<'a> {
             shared: 0,
             pixel_mm: camera.pixel_in_focus_mm(),
             depth_mm,
-            held: (model.halo().is_some() || model.follows_waves()).then(|| vec![0.0; image.len()]),
+            far: model.halo().map(|_| vec![0.0; image.len()]),
+            waves: model.follows_waves().then(|| vec![0.0; image.len()]),
             model,
             image: image.clone(),
             defects: Defects::default(),
@@ -106,7 +108,7 @@ impl<'a> CameraView<'a> {
     pub(crate) fn reshaped(&self, shape: Shape, depth_mm: [f64; 2]) -> Result<Self, Refusal> {
         let model = shape.model_after(&self.model, self.camera, depth_mm)?;
         let (image, defects) = (self.image.clone(), self.defects.clone());
-        Ok(Self { shape, depth_mm, model, image, defects, expected: Vec::new(), held: None, ..*self })
+        Ok(Self { shape, depth_mm, model, image, defects, expected: Vec::new(), far: None, waves: None, ..*self })
     }
 
     /// Takes a shape and its standard uncertainties.
@@ -118,29 +120,35 @@ impl<'a> CameraView<'a> {
 
     /// Forgets all expected counts but those of waves.
     pub(crate) fn darken(&mut self) {
-        match &mut self.held {
-            Some(held) if self.model.follows_waves() => self.expected.copy_from_slice(held),
-            held => {
-                held.iter_mut().for_each(|light| light.fill(0.0));
-                self.expected.fill(0.0);
-            }
+        self.far.iter_mut().for_each(|far| far.fill(0.0));
+        self.expected = (0..self.image.len()).map(|n| self.held(n)).collect();
+    }
+
+    /// The light of a pixel that is held.
+    pub(crate) fn held(&self, pixel: usize) -> f32 {
+        [&self.far, &self.waves].into_iter().flatten().map(|light| light[pixel]).sum()
+    }
+
+    /// Takes the far light of diffraction away.
+    pub(crate) fn take_far(&mut self) {
+        if let Some(far) = &self.far {
+            self.expected.iter_mut().zip(far).for_each(|(expected, far)| *expected -= far);
         }
     }
 
     /// Spreads the far light of diffraction anew, around the light that is expected now.
-    pub(crate) fn spread_halo(&mut self) {
-        let (Some(light), Some(halo)) = (&mut self.held, self.model.halo()) else { return };
-        self.expected.iter_mut().zip(&*light).for_each(|(expected, far)| *expected -= far);
-        *light = halo.around(&self.expected, self.image.ncols());
-        self.expected.iter_mut().zip(&*light).for_each(|(expected, far)| *expected += far);
+    pub(crate) fn spread_far(&mut self) {
+        let (Some(far), Some(halo)) = (&mut self.far, self.model.halo()) else { return };
+        *far = halo.around(&self.expected, self.image.ncols());
+        self.expected.iter_mut().zip(&*far).for_each(|(expected, far)| *expected += far);
     }
 
     /// Puts the light of particles aside where waves are followed, to sum what the rim of the stop adds: from zero if
     /// this `is_anew`, and otherwise from the last sum.
     pub(crate) fn put_aside(&mut self, is_anew: bool) {
-        let Some(held) = self.held.as_mut().filter(|_| self.model.follows_waves()) else { return };
-        self.expected.iter_mut().zip(&*held).for_each(|(expected, held)| *expected -= held);
-        std::mem::swap(&mut self.expected, held);
+        let Some(waves) = &mut self.waves else { return };
+        self.expected.iter_mut().zip(&*waves).for_each(|(expected, waves)| *expected -= waves);
+        std::mem::swap(&mut self.expected, waves);
         if is_anew {
             self.expected.fill(0.0);
         }
@@ -148,9 +156,9 @@ impl<'a> CameraView<'a> {
 
     /// Takes the light of particles back, and holds what was found.
     pub(crate) fn take_back(&mut self) {
-        let Some(held) = self.held.as_mut().filter(|_| self.model.follows_waves()) else { return };
-        std::mem::swap(&mut self.expected, held);
-        self.expected.iter_mut().zip(&*held).for_each(|(expected, held)| *expected += held);
+        let Some(waves) = &mut self.waves else { return };
+        std::mem::swap(&mut self.expected, waves);
+        self.expected.iter_mut().zip(&*waves).for_each(|(expected, waves)| *expected += waves);
     }
 
     /// Columns and rows of its sensor.

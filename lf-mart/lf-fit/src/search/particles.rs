@@ -173,7 +173,7 @@ impl<'a> Particles<'a> {
 
     /// Finds anew the light that passes hold.
     fn hold(&mut self) {
-        self.cameras.views.iter_mut().for_each(CameraView::spread_halo);
+        self.cameras.views.iter_mut().for_each(CameraView::take_far);
         if self.cameras.views.iter().any(|view| view.model.follows_waves()) {
             let shape = self.cameras.first().shape;
             let Difference { is_anew, particles } = self.summed.follow(&self.list, shape, self.cameras.pixel_mm());
@@ -181,6 +181,7 @@ impl<'a> Particles<'a> {
             self.draw(&particles, ParticleImage::add_rest);
             self.cameras.views.iter_mut().for_each(CameraView::take_back);
         }
+        self.cameras.views.iter_mut().for_each(CameraView::spread_far);
     }
 
     /// Adds to the expected counts what `draw` adds to a window for each particle of a list.

@@ -124,9 +124,9 @@ impl SamplePart {
         }
         // Another pattern has other light there.
         let pattern = |view: &CameraView| (view.model.halo().is_some(), view.model.follows_waves());
-        if let (Some(held), true) = (&view.held, pattern(own.first()) == pattern(view)) {
+        if pattern(own.first()) == pattern(view) {
             for (n, light) in window.light.iter_mut().enumerate() {
-                *light += held[(low[1] + n / window.columns) * size[0] + low[0] + n % window.columns];
+                *light += view.held((low[1] + n / window.columns) * size[0] + low[0] + n % window.columns);
             }
         }
         Self { window, particles, places }
