@@ -23,6 +23,7 @@ use crate::shared::sample::Sample;
 use crate::solve::covariance::Prior;
 use crate::solve::joint::StopRule;
 use crate::solve::{parts, untold};
+use glam::DVec2;
 use lf_core::Refusal;
 use lf_core::camera::{EXPLAINED, Evidence, LensletPattern, Pose};
 
@@ -159,6 +160,9 @@ pub(crate) const FAINTEST_MAXIMUM: f64 = 0.05;
 const FAINTEST: f64 = 0.1;
 /// The first fit of the shape ends with a step below this, px. Spare particles move the shape by more.
 const FIRST_SHAPE_PX: f64 = 0.002;
+/// A drift below this is taken as zero, px. Fits of lattices that were still found up to 0.004 px, another one in each
+/// frame of a pair: x of a particle 3 mm from focus errs by nine times as much.
+const STILL_PX: f64 = 0.005;
 /// Steps of a fit of all particles: of the first ones, of one in a round, and of the last one.
 const FIRST_STEPS: usize = 3;
 const ROUND_STEPS: usize = 6;
@@ -336,6 +340,8 @@ struct Stages<'a, 'o> {
     is_stale: bool,
     /// Whether the last fit of the shape came to its end.
     is_settled: bool,
+    /// The standard uncertainties of the drift, once the lattice is known to be still.
+    still: Option<[f64; 2]>,
     doubts: Doubts,
     is_stopped: bool,
 }
@@ -365,6 +371,7 @@ impl<'a, 'o> Stages<'a, 'o> {
             input: None,
             is_stale: false,
             is_settled: true,
+            still: None,
             doubts: Doubts::default(),
             is_stopped: false,
         }
@@ -651,6 +658,12 @@ impl<'a, 'o> Stages<'a, 'o> {
         Free { lens, ..self.free }
     }
 
+    /// The shared unknowns that a fit of the shape moves.
+    fn moving(&self) -> Free {
+        let may_drift = self.still.is_none() || self.free.lens.contains(&true);
+        Free { drift: self.free.drift && may_drift, ..self.free }
+    }
+
     /// Fits the shape of the first camera.
     fn fit_shape(&mut self) -> Result<(), Refusal> {
         self.fit_shape_to(0.0)
@@ -658,18 +671,31 @@ impl<'a, 'o> Stages<'a, 'o> {
 
     /// Like [`Self::fit_shape`]; a step below `enough_px` pixels is the last.
     fn fit_shape_to(&mut self, enough_px: f64) -> Result<(), Refusal> {
-        let shape = self.particles.cameras.first().shape;
-        if !self.free.shapes(&shape).contains(&true) {
+        let (shape, free) = (self.particles.cameras.first().shape, self.moving());
+        if !free.shapes(&shape).contains(&true) {
             return Ok(());
         }
-        let Some(sample) = self.sample(shape, self.free)? else { return Ok(()) };
-        let found = sample.fit(enough_px)?;
+        let Some(sample) = self.sample(shape, free)? else { return Ok(()) };
+        let mut found = sample.fit(enough_px)?;
+        let is_camera = free.lens.contains(&true);
+        if free.drift && !is_camera && DVec2::from(found.shape.drift_px).length() < STILL_PX {
+            // Fit the others without it.
+            self.still = Some([found.std_px[1], found.std_px[2]]);
+            found.shape.drift_px = [0.0; 2];
+            let free = self.moving();
+            if free.shapes(&shape).contains(&true) {
+                let Some(sample) = self.sample(found.shape, free)? else { return Ok(()) };
+                found = sample.fit(enough_px)?;
+            }
+        }
+        if let (Some(std), false) = (self.still, is_camera) {
+            found.std_px[1..3].copy_from_slice(&std);
+        }
         if found.shape.is_beyond(&shape, found.std_px) {
             self.particles.is_whole.fill(false);
             self.is_stale = true;
         }
         self.particles.cameras.views[0].set_shape(found.shape, found.std_px)?;
-        let is_camera = self.free.lens.contains(&true);
         if is_camera {
             // A spherical aberration moves all depths.
             let mut list = std::mem::take(&mut self.particles.list);
