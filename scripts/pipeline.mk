@@ -52,6 +52,8 @@ REFINE = auto
 # The background to subtract from every frame: an image, 'auto' for a low quantile of all frames, 'haze' for the light
 # in each frame that is as smooth as WHITE (a microscope whose whole volume is lit), or nothing. With auto, FIRST and
 # SECOND frames, which two lasers may light, have one each, and so have the first and the second pages of double frames.
+# A % in the image's name stands for the FIRST or the SECOND of its frame (for pages: first or second), as in
+# background%.tif.
 BACKGROUND = auto
 QUANTILE = 0.05
 
@@ -268,7 +270,7 @@ kind = $(if $(hazy),$1,$(if $(PAGES),$(page-kind),$(end-kind)))
 paged-of = $(call each,frame-of,$(if $(filter first,$1),$(firsts),$(if $(filter second,$1),$(seconds),$(names))))
 like = $(wildcard $(subst %,*$(filter-out all,$1),$(FRAME)))
 frames-of = $(if $(hazy),$(call frame-of,$1),$(if $(PAGES),$(paged-of),$(like)))
-background-of = $(if $(filter auto haze,$(BACKGROUND)),$(OUT)/background-$(call kind,$1).exr,$(BACKGROUND))
+background-of = $(if $(filter auto haze,$(BACKGROUND)),$(OUT)/background-$(call kind,$1).exr,$(subst %,$(call kind,$1),$(BACKGROUND)))
 subtract = $(addprefix -b ,$(call background-of,$1))
 
 $(if $(hazy),$(if $(WHITE),,$(error BACKGROUND: haze needs a WHITE image)))

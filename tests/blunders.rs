@@ -1,5 +1,7 @@
 //! Blunders of a user: each gets a warning that names its cause, and good frames get none.
 
+use lf_core::history::History;
+use lf_core::image;
 use lf_tests::{Ended, Folder};
 use serde_json::{Value, json};
 
@@ -112,6 +114,14 @@ fn a_forgotten_background_is_named() {
     assert_warned(&mart(&folder, "--iterations 2"), &["the darkest tenth of the image is", "-b"]);
     folder.run("lf-synth dark scene.json -o dark.exr --quiet");
     prune(&folder, "-b dark.exr").silent();
+    // A mask hides pixels of the frame, and none of the background.
+    let mut mask = image::open(&folder.path("dark.exr")).unwrap().pixels;
+    let rows = mask.nrows();
+    mask.indexed_iter_mut()
+        .for_each(|((row, _), pixel)| *pixel = f32::from(u8::from((3..5).contains(&(8 * row / rows)))));
+    image::save(&folder.path("mask.exr"), &mask, &History::default()).unwrap();
+    let ended = prune(&folder, "-b dark.exr --mask mask.exr");
+    assert!(!ended.stderr.contains("times the counts"), "{}", ended.stderr);
 }
 
 #[test]

@@ -42,6 +42,23 @@ fn the_list_has_every_stage_that_make_runs() {
     }
 }
 
+/// A % in the background's name is the end of the frame's: each laser has a background of its own.
+#[test]
+fn each_laser_may_have_a_background() {
+    if !has_programs(&["make"]) {
+        return;
+    }
+    let place = tempfile::tempdir().unwrap();
+    let listed = list(place.path(), &["BACKGROUND=raw/0003%.tif", "PAIRS=0001a-0001b"]);
+    for end in ["a", "b"] {
+        let result = |stage: &&Vec<String>| stage[1].ends_with(&format!("-0001{end}.lfv"));
+        let stages: Vec<_> = listed.iter().filter(result).collect();
+        let has_own = |stage: &&&Vec<String>| stage.contains(&format!("raw/0003{end}.tif"));
+        assert_eq!(stages.iter().filter(has_own).count(), stages.len(), "{listed:?}");
+        assert!(!stages.is_empty(), "{listed:?}");
+    }
+}
+
 /// The frames of REFINE are fitted with the camera as calibrated, and the refined camera is that of all others.
 #[test]
 fn refine_begins_with_the_evidence_of_its_frames() {

@@ -36,7 +36,7 @@ fn corrections_give_even_frames_without_hot_and_dead_pixels() {
     let seconds = "0b.exr 1b.exr 2b.exr 3b.exr 4b.exr";
     let line = format!("frame {firsts} --second {seconds} --flat flat.exr --hot 12 --equalise -o out");
     let ended = bench.done(&line);
-    for said in ["1 hot pixels", "1 dead pixels", "multiplied by 2.0000"] {
+    for said in ["1 hot pixels", "--hot takes 0.5 % of the pixels", "1 dead pixels", "multiplied by 2.0000"] {
         assert!(ended.stderr.contains(said), "{}", ended.stderr);
     }
     let table = String::from_utf8(ended.stdout).unwrap();

@@ -10,6 +10,9 @@ use std::path::{Path, PathBuf};
 /// Warn from this share of clipped pixels in a frame on, like lf-prune and lf-mart.
 const CLIPPED: f64 = 1e-3;
 
+/// Warn if a larger share of the pixels is hot. Sensors at room temperature have less than a thousandth.
+const MOST_HOT: f64 = 2e-3;
+
 pub fn frame(arguments: &FrameArguments, session: &mut Session) -> Result<Verdict> {
     let FrameArguments { frames, second, flat, hot, equalise, output, .. } = arguments;
     if flat.is_none() && hot.is_none() && !equalise {
@@ -104,6 +107,7 @@ fn correction(
         };
         let hot = hot.find(limit).ok_or_else(few)?;
         session.say(format!("{} hot pixels", hot.len()));
+        warn_of_hot(hot.len(), sizes, session);
         correction.replaced.extend(hot);
         correction.replaced.sort_unstable();
         correction.replaced.dedup();
@@ -121,6 +125,18 @@ fn correction(
         correction.factors = Some([1.0, value]);
     }
     Ok(correction)
+}
+
+/// Warns if more pixels are hot than a sensor has.
+fn warn_of_hot(hot: usize, sizes: &Sizes, session: &mut Session) {
+    let share = hot as f64 / sizes.first().map_or(1.0, |[width, height]| (width * height) as f64);
+    if share > MOST_HOT {
+        session.warn(format!(
+            "--hot takes {:.1} % of the pixels for hot ones, which are replaced: light that stands still, as on walls and \
+             dirt, looks like them; give a larger --hot, or leave it out: lf-fit finds hot pixels itself",
+            100.0 * share
+        ));
+    }
 }
 
 /// Reads all frames for the first time. Refuses pipes, which can be read only once.

@@ -129,7 +129,11 @@ fn read_frame(
     let mut background_share = None;
     if let Some(file) = files.background {
         let dark = like("background", file, path, &image, channel)?;
-        background_share = Some(all_counts(&dark) / all_counts(&image.pixels).max(f64::MIN_POSITIVE));
+        // Pixels that a mask or clipped light takes from the frame count on neither side.
+        let both = image.pixels.iter().zip(&dark).filter(|(pixel, dark)| pixel.is_finite() && dark.is_finite());
+        let [counts, dark_counts] =
+            both.fold([0.0; 2], |[a, b], (pixel, dark)| [a + f64::from(*pixel), b + f64::from(*dark)]);
+        background_share = Some(dark_counts / counts.max(f64::MIN_POSITIVE));
         image.pixels -= &dark;
     }
     let noise = black.map_or_else(|| noise(image.pixels.view()), |black| black.noise);
