@@ -57,7 +57,8 @@ REFINE = auto
 BACKGROUND = auto
 QUANTILE = 0.05
 
-# An image of the frames' size that is 0 where walls and reflections hide the particles, or nothing.
+# An image of the frames' size that is 0 where walls and reflections hide the particles, or nothing. Take 0 where a
+# background of the run is brighter than particles, and for a lenslet about that.
 MASK =
 
 # The volume: pixels per voxel, depth and sides in mm. Without pixels per voxel: 4,4,r for lf-fit, otherwise by the

@@ -156,7 +156,7 @@ fn warn_of_doubts(doubts: Doubts, view: &CameraView, name: &str, session: &mut S
     if let Some(before) = misfit_far {
         session.warn(format!(
             "{name}lenslets show Fresnel's pattern and camera.json does not say so: chi2 was {before:.2} with the far field; \
-             the fit follows it; give the block 'blur' of camera.json a \"pattern\": \"fresnel\", which saves the search"
+             the fit follows it; write the camera with --camera-out, and begin again with it"
         ));
     }
 }
