@@ -82,7 +82,7 @@ impl Halo {
                 let line = &light[from * width..(from + 1) * width];
                 for (dx, tap) in taps.iter().enumerate() {
                     let (left, right) = (reach.saturating_sub(dx), (width + reach).saturating_sub(dx).min(width));
-                    if left >= right {
+                    if left >= right || *tap == 0.0 {
                         continue;
                     }
                     let first = left + dx - reach;

@@ -49,8 +49,9 @@ pub struct CameraView<'a> {
     /// Expected counts of each pixel of the image.
     pub(crate) expected: Vec<f32>,
     /// Expected counts beside those of particles' images, which a pass over the particles holds: the far light of
-    /// diffraction, and what waves at the rim of the stop add. None if nothing diffracts, or no waves are followed.
+    /// diffraction. None if nothing diffracts.
     pub(crate) far: Option<Vec<f32>>,
+    /// Counts that waves at the rim of the stop add, held like it. None if waves are not followed.
     pub(crate) waves: Option<Vec<f32>>,
 }
 
@@ -121,7 +122,10 @@ impl<'a> CameraView<'a> {
     /// Forgets all expected counts but those of waves.
     pub(crate) fn darken(&mut self) {
         self.far.iter_mut().for_each(|far| far.fill(0.0));
-        self.expected = (0..self.image.len()).map(|n| self.held(n)).collect();
+        match &self.waves {
+            Some(waves) => self.expected.copy_from_slice(waves),
+            None => self.expected.fill(0.0),
+        }
     }
 
     /// The light of a pixel that is held.
